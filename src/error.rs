@@ -1,0 +1,51 @@
+//! The one error type. Every message names the file and the pass where there is one, and says what to do.
+
+use std::path::PathBuf;
+
+/// Shorthand for a result with Hush's [`enum@Error`].
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// What can go wrong. Nothing here is a bug in the caller's machine memory: user input never panics.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The operating system refused a file operation.
+    #[error("{path}: {source}")]
+    Io { path: PathBuf, source: std::io::Error },
+    /// A file is not what it claims to be: truncated, garbage, or a header that cannot be true.
+    #[error("{path}: {reason}")]
+    BadFile { path: PathBuf, reason: String },
+    /// A file is sound but lacks a pass, layer or view that was asked for.
+    #[error("{path} has no {pass} pass: {advice}")]
+    MissingPass { path: PathBuf, pass: String, advice: String },
+    /// The input pattern, folder or list names no usable frames.
+    #[error("{input}: {reason}")]
+    BadInput { input: String, reason: String },
+    /// A setting is outside its range or contradicts another.
+    #[error("{name}: {reason}")]
+    BadSetting { name: &'static str, reason: String },
+    /// The weights file cannot be used.
+    #[error("model {model}: {reason}")]
+    BadModel { model: String, reason: String },
+    /// Two images or passes that belong together differ in size.
+    #[error("{what} is {found_columns}×{found_rows}, expected {columns}×{rows}")]
+    SizeMismatch { what: String, columns: usize, rows: usize, found_columns: usize, found_rows: usize },
+    /// The work does not fit into the memory that it may use.
+    #[error("{what} needs {needed} MiB, {allowed} MiB are allowed: {advice}")]
+    Memory { what: String, needed: u64, allowed: u64, advice: String },
+    /// The user stopped the run.
+    #[error("stopped")]
+    Cancelled,
+}
+
+impl Error {
+    /// An [`Error::Io`] for `path`.
+    pub fn io(path: impl Into<PathBuf>, source: std::io::Error) -> Self {
+        Self::Io { path: path.into(), source }
+    }
+
+    /// An [`Error::BadFile`] for `path`.
+    pub fn bad_file(path: impl Into<PathBuf>, reason: impl Into<String>) -> Self {
+        Self::BadFile { path: path.into(), reason: reason.into() }
+    }
+}

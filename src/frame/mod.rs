@@ -1,0 +1,69 @@
+//! One frame's passes in memory.
+
+use ndarray::{Array2, Array3};
+
+use crate::error::{Error, Result};
+
+/// An additive light pass (a contribution to the beauty) that is denoised with the beauty's kernels.
+#[derive(Clone, Debug)]
+pub struct Aov {
+    /// The pass's name, as the user gave it.
+    pub name: String,
+    /// (rows, columns, 3), linear radiance.
+    pub image: Array3<f32>,
+}
+
+/// The passes of one frame, all of one size. Arrays may have any strides.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// Noisy beauty, (rows, columns, 3), scene-linear; NaN, Inf and negative values are sanitised by the engine.
+    pub colour: Array3<f32>,
+    /// Alpha, (rows, columns), only where it is not 1 everywhere.
+    pub alpha: Option<Array2<f32>>,
+    /// Denoising Albedo, (rows, columns, 3).
+    pub albedo: Option<Array3<f32>>,
+    /// Denoising Normal, camera space, (rows, columns, 3).
+    pub normal: Option<Array3<f32>>,
+    /// Denoising Depth (background 0) or Depth (background 1e10), (rows, columns).
+    pub depth: Option<Array2<f32>>,
+    /// Cycles' Vector pass X, Y, Z, W in pixels, y up, (rows, columns, 4).
+    pub vector: Option<Array3<f32>>,
+    /// Light passes that are denoised with the same kernels.
+    pub aovs: Vec<Aov>,
+}
+
+impl Frame {
+    /// A frame of a beauty alone.
+    pub fn new(colour: Array3<f32>) -> Self {
+        Self { colour, alpha: None, albedo: None, normal: None, depth: None, vector: None, aovs: Vec::new() }
+    }
+
+    /// Rows and columns.
+    pub fn size(&self) -> (usize, usize) {
+        (self.colour.dim().0, self.colour.dim().1)
+    }
+
+    /// Checks that every pass has the beauty's size and the right number of channels.
+    pub fn check(&self) -> Result<()> {
+        let (rows, columns) = self.size();
+        let mut shapes = vec![("colour", self.colour.dim(), 3)];
+        shapes.extend(self.albedo.as_ref().map(|p| ("albedo", p.dim(), 3)));
+        shapes.extend(self.normal.as_ref().map(|p| ("normal", p.dim(), 3)));
+        shapes.extend(self.vector.as_ref().map(|p| ("vector", p.dim(), 4)));
+        shapes.extend(self.depth.as_ref().map(|p| ("depth", (p.dim().0, p.dim().1, 1), 1)));
+        shapes.extend(self.alpha.as_ref().map(|p| ("alpha", (p.dim().0, p.dim().1, 1), 1)));
+        shapes.extend(self.aovs.iter().map(|a| (a.name.as_str(), a.image.dim(), 3)));
+        for (what, (r, c, channels), expected) in shapes {
+            if (r, c) != (rows, columns) {
+                return Err(Error::SizeMismatch { what: what.into(), columns, rows, found_columns: c, found_rows: r });
+            }
+            if channels != expected {
+                return Err(Error::BadInput {
+                    input: what.into(),
+                    reason: format!("has {channels} channels, expected {expected}"),
+                });
+            }
+        }
+        Ok(())
+    }
+}

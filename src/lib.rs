@@ -1,0 +1,20 @@
+//! Hush takes the noise out of Blender Cycles animations without flicker.
+//!
+//! A temporal, multi-scale, kernel-predicting denoiser after Vogels et al. 2018, "Denoising with Kernel Prediction and
+//! Asymmetric Loss Functions". Data flows one way: [`io`] → [`frame`] → [`plan`] → [`network`] → [`kernels`] → [`io`];
+//! [`engine`] runs that chain over a window of frames in memory, [`shot`] over the files of a shot.
+
+pub mod engine;
+pub mod error;
+pub mod frame;
+pub mod io;
+pub mod kernels;
+pub mod metrics;
+pub mod network;
+pub mod plan;
+pub mod shot;
+pub mod simd;
+
+pub use engine::{Denoised, EncodedFrame, Engine, Settings};
+pub use error::{Error, Result};
+pub use frame::{Aov, Frame};

@@ -1,0 +1,3 @@
+fn main() {
+    println!("hush {}", env!("CARGO_PKG_VERSION"));
+}

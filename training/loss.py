@@ -1,0 +1,18 @@
+"""The losses of Vogels et al. 2018, section 5 (SMAPE) and section 6 (the asymmetric loss)."""
+
+from __future__ import annotations
+
+from torch import Tensor
+
+EPSILON = 1e-2
+
+
+def smape(denoised: Tensor, reference: Tensor) -> Tensor:
+    """Symmetric mean absolute percentage error by pixel and channel, in [0, 1]."""
+    return (denoised - reference).abs() / (denoised.abs() + reference.abs() + EPSILON)
+
+
+def asymmetric(denoised: Tensor, reference: Tensor, noisy: Tensor, lam: Tensor) -> Tensor:
+    """ℓ'λ(d, r, c) = ℓ(d, r)·(1 + (λ−1)·H((d−r)(r−c))): λ times the price for leaving the noisy colour's side."""
+    crossed = ((denoised - reference) * (reference - noisy) > 0).to(denoised.dtype)
+    return smape(denoised, reference) * (1.0 + (lam.view(-1, 1, 1, 1) - 1.0) * crossed)

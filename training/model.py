@@ -1,0 +1,265 @@
+"""The Hush network: a temporal, multi-scale, kernel-predicting denoiser after Vogels et al. 2018.
+
+Shapes: B examples, T frames (the centre frame and its neighbours), C channels, H rows, W columns;
+H and W are multiples of 8. Half, quarter and eighth resolution are h = H/2, H/4 and H/8.
+`src/network` in the Rust core computes the same function; `golden.py` writes the tensors that hold the two together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+LOGIT_LIMIT = 40.0
+LAMBDA_MAX = 64.0
+EXTRAS = 7
+
+
+@dataclass(frozen=True)
+class Architecture:
+    """Everything that the Rust network needs to build itself; stored in the weights file's header."""
+
+    version: int = 1
+    features: int = 32
+    half: int = 48
+    quarter: int = 80
+    eighth: int = 96
+    blocks_half: int = 1
+    blocks_quarter: int = 2
+    blocks_eighth: int = 2
+    pair: int = 32
+    lambda_hidden: int = 16
+    centre_taps: int = 5
+    neighbour_taps: int = 3
+    coarse_taps: int = 3
+    albedo_taps: int = 3
+    levels: int = 3
+    albedo_epsilon: float = 0.05
+
+    def header(self) -> dict[str, int | float]:
+        return asdict(self)
+
+
+class Residual(nn.Module):
+    """x + conv(relu(conv(relu(x)))), the identity at the start of training."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.first = nn.Conv2d(channels, channels, 3, padding=1)
+        self.second = nn.Conv2d(channels, channels, 3, padding=1)
+        nn.init.zeros_(self.second.weight)
+        nn.init.zeros_(self.second.bias)
+
+    def forward(self, x: Tensor) -> Tensor:
+        return x + self.second(F.relu(self.first(F.relu(x))))
+
+
+class Encoder(nn.Module):
+    """Source encoder: the renderer-specific part. (N, 10, H, W) inputs to (N, features, H/2, W/2)."""
+
+    def __init__(self, arch: Architecture) -> None:
+        super().__init__()
+        self.first = nn.Conv2d(40, arch.features, 3, padding=1)
+        self.second = nn.Conv2d(arch.features, arch.features, 3, padding=1)
+        self.block = Residual(arch.features)
+
+    def forward(self, inputs: Tensor) -> Tensor:
+        x = F.pixel_unshuffle(inputs, 2)
+        return self.block(self.second(F.relu(self.first(x))))
+
+
+class Specialisation(nn.Module):
+    """Loss specialisation: λ scales and shifts the features that feed the kernel predictors."""
+
+    def __init__(self, channels: int, hidden: int) -> None:
+        super().__init__()
+        self.hidden = nn.Linear(1, hidden)
+        self.scale = nn.Linear(hidden, channels)
+        self.shift = nn.Linear(hidden, channels)
+        for layer in (self.scale, self.shift):
+            nn.init.zeros_(layer.weight)
+            nn.init.zeros_(layer.bias)
+
+    def forward(self, x: Tensor, lam: Tensor) -> Tensor:
+        code = torch.log2(lam)[:, None] / 6.0
+        h = F.relu(self.hidden(code))
+        return x * (1.0 + self.scale(h))[:, :, None, None] + self.shift(h)[:, :, None, None]
+
+
+def pixel_taps(image: Tensor, size: int) -> Tensor:
+    """(B, C, H, W) to (B, C, size², H, W): each pixel's neighbourhood, rows first, zero outside."""
+    b, c, h, w = image.shape
+    return F.unfold(image, size, padding=size // 2).view(b, c, size * size, h, w)
+
+
+def weighted(weights: Tensor, taps: Tensor) -> Tensor:
+    """Σₖ of weights (B, K, H, W) times taps (B, C, K, H, W): (B, C, H, W)."""
+    return (weights[:, None] * taps).sum(2)
+
+
+def upsampled(image: Tensor) -> Tensor:
+    return F.interpolate(image, scale_factor=2, mode="nearest")
+
+
+def subpixels(logits: Tensor) -> Tensor:
+    """(B, 4·K, h, w), grouped by sub-pixel (0,0) (0,1) (1,0) (1,1), to (B, K, 2h, 2w)."""
+    b, k4, h, w = logits.shape
+    x = logits.view(b, 2, 2, k4 // 4, h, w)
+    return x.permute(0, 3, 4, 1, 5, 2).reshape(b, k4 // 4, 2 * h, 2 * w)
+
+
+def down(image: Tensor, valid: Tensor) -> tuple[Tensor, Tensor]:
+    """Uniform 2×2 down-sampling over the valid pixels: (…C, H, W), (…1, H, W) to half size."""
+    weight = F.avg_pool2d(valid, 2)
+    mean = F.avg_pool2d(image * valid, 2) / weight.clamp_min(0.25)
+    return mean, (weight > 0).to(image.dtype)
+
+
+def warped(source: Tensor, position: Tensor) -> Tensor:
+    """Bilinear samples of (N, C, H, W) at (N, 2, H', W') positions (column, row), clamped to the border."""
+    h, w = source.shape[-2:]
+    x = position[:, 0] * (2.0 / max(w - 1, 1)) - 1.0
+    y = position[:, 1] * (2.0 / max(h - 1, 1)) - 1.0
+    grid = torch.stack((x, y), -1)
+    return F.grid_sample(source.float(), grid, mode="bilinear", padding_mode="border", align_corners=True).to(source.dtype)
+
+
+class Hush(nn.Module):
+    """The whole network. `forward` takes one centre frame and n ≥ 0 neighbours."""
+
+    def __init__(self, arch: Architecture | None = None) -> None:
+        super().__init__()
+        a = self.arch = arch or Architecture()
+        self.encoder = Encoder(a)
+        self.mix_centre = nn.Conv2d(a.features, a.half, 1)
+        self.mix_neighbour = nn.Conv2d(a.features + EXTRAS, a.half, 1, bias=False)
+        self.mix = nn.Conv2d(a.features + a.half, a.half, 1)
+        self.half_in = nn.Sequential(*[Residual(a.half) for _ in range(a.blocks_half)])
+        self.to_quarter = nn.Conv2d(a.half, a.quarter, 3, stride=2, padding=1)
+        self.quarter_in = nn.Sequential(*[Residual(a.quarter) for _ in range(a.blocks_quarter)])
+        self.to_eighth = nn.Conv2d(a.quarter, a.eighth, 3, stride=2, padding=1)
+        self.eighth = nn.Sequential(*[Residual(a.eighth) for _ in range(a.blocks_eighth)])
+        self.from_eighth = nn.Conv2d(a.eighth + a.quarter, a.quarter, 1)
+        self.lambda_quarter = Specialisation(a.quarter, a.lambda_hidden)
+        self.quarter_out = Residual(a.quarter)
+        self.from_quarter = nn.Conv2d(a.quarter + a.half, a.half, 1)
+        self.lambda_half = Specialisation(a.half, a.lambda_hidden)
+        self.half_out = Residual(a.half)
+        centre, neighbour, coarse = a.centre_taps**2, a.neighbour_taps**2, a.coarse_taps**2
+        self.head_half = nn.Conv2d(a.half, 4 * (centre + coarse + a.albedo_taps**2) + centre + coarse, 1)
+        self.pair_half_centre = nn.Conv2d(a.half, a.pair, 1)
+        self.pair_half_neighbour = nn.Conv2d(a.features + EXTRAS, a.pair, 1, bias=False)
+        self.pair_half_head = nn.Conv2d(a.pair, 4 * (neighbour + 1) + neighbour, 1)
+        self.head_quarter = nn.Conv2d(a.quarter, centre, 1)
+        self.pair_quarter_centre = nn.Conv2d(a.quarter, a.pair, 1)
+        self.pair_quarter_neighbour = nn.Conv2d(a.features + EXTRAS, a.pair, 1, bias=False)
+        self.pair_quarter_head = nn.Conv2d(a.pair, neighbour, 1)
+
+    def trunk(self, centre: Tensor, pairs: list[Tensor], lam: Tensor) -> tuple[Tensor, Tensor]:
+        """Temporal extractor, U-shaped body and loss specialisation: features at half and quarter resolution.
+
+        centre (B, features, h, w); pairs: per neighbour (B, features + EXTRAS, h, w), channel `features` its trust.
+        """
+        f = self.arch.features
+        base = self.mix_centre(centre)
+        total = torch.zeros_like(base)
+        trust = torch.ones_like(base[:, :1])
+        for pair in pairs:
+            v = pair[:, f : f + 1]
+            total = total + v * F.relu(base + self.mix_neighbour(pair))
+            trust = trust + v
+        half = self.half_in(self.mix(torch.cat((centre, total / trust), 1)))
+        quarter = self.quarter_in(self.to_quarter(F.relu(half)))
+        eighth = self.eighth(self.to_eighth(F.relu(quarter)))
+        quarter = self.from_eighth(torch.cat((upsampled(eighth), quarter), 1))
+        quarter = self.quarter_out(self.lambda_quarter(quarter, lam))
+        half = self.from_quarter(torch.cat((upsampled(quarter), half), 1))
+        half = self.half_out(self.lambda_half(half, lam))
+        return half, quarter
+
+    def forward(self, batch: dict[str, Tensor], lam: Tensor) -> dict[str, Tensor]:
+        """Denoise the centre frames.
+
+        batch: `inputs` (B, T, 10, H, W), centre first; `colour` (B, T, 3, H, W) demodulated and `albedo` (B, T, 3, H, W),
+        neighbours already warped; `valid` (B, T, 1, H, W) in {0, 1}; `position` (B, T−1, 2, h, w) where each neighbour's
+        features are sampled; `extras` (B, T−1, EXTRAS, h, w), channel 0 the trust.
+        Returns `image` (B, 3, H, W) and the demodulated `colour`, `half`, `quarter` and the filtered `albedo`.
+        """
+        a = self.arch
+        b, t = batch["inputs"].shape[:2]
+        features = self.encoder(batch["inputs"].flatten(0, 1)).unflatten(0, (b, t))
+        pairs = [
+            torch.cat((warped(features[:, k], batch["position"][:, k - 1]), batch["extras"][:, k - 1].to(features.dtype)), 1)
+            for k in range(1, t)
+        ]
+        half, quarter = self.trunk(features[:, 0], pairs, lam)
+        half, quarter = F.relu(half), F.relu(quarter)
+        head = self.head_half(half)
+        n_centre, n_near, n_coarse = a.centre_taps**2, a.neighbour_taps**2, a.coarse_taps**2
+        per_pixel = n_centre + n_coarse + a.albedo_taps**2
+        full_logits = subpixels(head[:, : 4 * per_pixel])
+        half_logits = head[:, 4 * per_pixel :]
+        quarter_logits = self.head_quarter(quarter)
+        near_full, near_half, near_quarter, near_albedo = [], [], [], []
+        half_base, quarter_base = self.pair_half_centre(half), self.pair_quarter_centre(quarter)
+        for pair in pairs:
+            h = self.pair_half_head(F.relu(half_base + self.pair_half_neighbour(pair)))
+            full = subpixels(h[:, : 4 * (n_near + 1)])
+            near_full.append(full[:, :n_near])
+            near_albedo.append(full[:, n_near:])
+            near_half.append(h[:, 4 * (n_near + 1) :])
+            q = F.relu(quarter_base + self.pair_quarter_neighbour(F.avg_pool2d(pair, 2)))
+            near_quarter.append(self.pair_quarter_head(q))
+
+        colour = [batch["colour"][:, k].float() for k in range(t)]
+        valid = [batch["valid"][:, k].float() for k in range(t)]
+        down_half = [down(c, v) for c, v in zip(colour, valid, strict=True)]
+        down_quarter = [down(c, v) for c, v in down_half]
+        out_quarter = self.apply(quarter_logits, near_quarter, down_quarter, None)
+        out_half = self.apply(half_logits, near_half, down_half, (out_quarter, down_quarter[0][1]))
+        out = self.apply(
+            full_logits[:, : n_centre + n_coarse], near_full, list(zip(colour, valid, strict=True)), (out_half, down_half[0][1])
+        )
+        albedo = self.filtered_albedo(full_logits[:, n_centre + n_coarse :], near_albedo, batch["albedo"].float(), batch["valid"].float())
+        return {"image": out * albedo, "colour": out, "half": out_half, "quarter": out_quarter, "albedo": albedo}
+
+    def apply(
+        self, logits: Tensor, near: list[Tensor], images: list[tuple[Tensor, Tensor]], coarse: tuple[Tensor, Tensor] | None
+    ) -> Tensor:
+        """Kernel application at one pyramid level, the joint softmax over centre, neighbour and coarser-level taps.
+
+        The coarse taps are the paper's blend: their summed weight is α, their shares a predicted up-sampling kernel, so
+        o = (1 − α)·f + α·U(o_coarse) is a weighted average of rendered pixels.
+        """
+        a = self.arch
+        n = a.centre_taps**2
+        parts: list[tuple[Tensor, Tensor, int]] = [(images[0][0], images[0][1], a.centre_taps)]
+        parts += [(image, valid, a.neighbour_taps) for image, valid in images[1:]]
+        all_logits = [logits[:, :n], *near]
+        total = torch.zeros((), device=logits.device)
+        norm = torch.zeros((), device=logits.device)
+        for (image, valid, size), l in zip(parts, all_logits, strict=True):
+            w = torch.exp(l.float().clamp(-LOGIT_LIMIT, LOGIT_LIMIT)) * pixel_taps(valid, size)[:, 0]
+            total = total + weighted(w, pixel_taps(image, size))
+            norm = norm + w.sum(1, keepdim=True)
+        if coarse is not None:
+            taps = pixel_taps(torch.cat(coarse, 1), a.coarse_taps).repeat_interleave(2, -1).repeat_interleave(2, -2)
+            w = torch.exp(logits[:, n:].float().clamp(-LOGIT_LIMIT, LOGIT_LIMIT)) * taps[:, 3]
+            total = total + weighted(w, taps[:, :3])
+            norm = norm + w.sum(1, keepdim=True)
+        return total / norm.clamp_min(1e-30)
+
+    def filtered_albedo(self, logits: Tensor, near: list[Tensor], albedo: Tensor, valid: Tensor) -> Tensor:
+        """The albedo that is multiplied back: a kernel over the centre's taps and one tap of each warped neighbour."""
+        size = self.arch.albedo_taps
+        w = torch.exp(logits.float().clamp(-LOGIT_LIMIT, LOGIT_LIMIT)) * pixel_taps(valid[:, 0], size)[:, 0]
+        total = weighted(w, pixel_taps(albedo[:, 0], size))
+        norm = w.sum(1, keepdim=True)
+        for k, l in enumerate(near, 1):
+            w = torch.exp(l.float().clamp(-LOGIT_LIMIT, LOGIT_LIMIT)) * valid[:, k]
+            total = total + w * albedo[:, k]
+            norm = norm + w
+        return total / norm.clamp_min(1e-30)
