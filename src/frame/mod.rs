@@ -1,5 +1,7 @@
 //! One frame's passes in memory.
 
+pub mod packed;
+
 use ndarray::{Array2, Array3};
 
 use crate::error::{Error, Result};

@@ -1,1 +1,7 @@
-//! Convolutions.
+//! Arithmetic on the CPU's vector instructions: convolutions, dense layers over pixel segments, sixteen-lane maths.
+
+pub mod dense;
+mod isa;
+pub mod lanes;
+
+pub use isa::Isa;

@@ -1,0 +1,204 @@
+//! A frame as the engine works on it: sanitised, demodulated, padded, interleaved eight floats a pixel.
+//!
+//! A warp then reads one cache-line half per corner, whatever it samples.
+
+use ndarray::{Array2, Array3, ArrayView2, ArrayView3};
+use rayon::prelude::*;
+
+use super::Frame;
+use crate::error::Result;
+
+/// Frames are padded to a multiple of this in both directions: three 2×2 down-samplings.
+pub const ALIGNMENT: usize = 8;
+
+/// The brightest radiance that is kept as it is; more is clamped so that sums stay finite.
+const BRIGHTEST: f32 = 1e35;
+/// Depths from here on are background (Cycles' Depth pass has 1e10).
+const BACKGROUND_DEPTH: f32 = 1e9;
+
+/// Lane of the first demodulated colour channel.
+pub const COLOUR: usize = 0;
+/// Lane of the first modulation channel: the albedo plus ε.
+pub const MODULATION: usize = 3;
+/// Lane of the depth over the frame's mean depth.
+pub const DEPTH: usize = 6;
+/// Lane that is 1 where the pixel must not be used: not finite, or padding.
+pub const INVALID: usize = 7;
+
+/// One sanitised frame. Pixels are row-major over the padded size; the padding repeats the border and is invalid.
+pub struct PackedFrame {
+    /// The frame's own size.
+    pub rows: usize,
+    pub columns: usize,
+    /// The size rounded up to [`ALIGNMENT`].
+    pub padded_rows: usize,
+    pub padded_columns: usize,
+    /// The scale that brings the frame to the network's brightness.
+    pub exposure: f32,
+    /// Group 0 has the lanes above; the others hold eight extra channels each (alpha, then AOVs), zero beyond [`Self::extra`].
+    pub groups: Vec<Vec<[f32; 8]>>,
+    /// Extra channels.
+    pub extra: usize,
+    /// Whether extra channel 0 is alpha.
+    pub has_alpha: bool,
+    /// Names of the AOVs, three extra channels each.
+    pub aov_names: Vec<String>,
+    /// Vector pass X, Y, Z, W.
+    pub vectors: Option<Vec<[f32; 4]>>,
+}
+
+/// The guides as the encoder sees them, at the frame's own size.
+pub struct Guides {
+    pub albedo: Option<Array3<f32>>,
+    pub normal: Option<Array3<f32>>,
+}
+
+fn radiance(x: f32) -> f32 {
+    x.clamp(0.0, BRIGHTEST)
+}
+
+fn unit(x: f32) -> f32 {
+    if x.is_nan() { 0.0 } else { x.clamp(0.0, 1.0) }
+}
+
+impl PackedFrame {
+    /// Packs a frame for a network that adds `epsilon` to the albedo. Errors when passes differ in size.
+    pub fn new(frame: Frame, epsilon: f32) -> Result<(Self, Guides)> {
+        frame.check()?;
+        let (rows, columns) = frame.size();
+        let (padded_rows, padded_columns) = (rows.next_multiple_of(ALIGNMENT), columns.next_multiple_of(ALIGNMENT));
+        let depth_scale = frame.depth.as_ref().map_or(0.0, |d| depth_scale(d.view()));
+        let has_alpha = frame.alpha.is_some();
+        let extra = usize::from(has_alpha) + 3 * frame.aovs.len();
+        let mut groups = vec![vec![[0.0; 8]; padded_rows * padded_columns]; 1 + extra.div_ceil(8)];
+        let (first, more) = groups.split_at_mut(1);
+        let colour = frame.colour.view();
+        first[0].par_chunks_mut(padded_columns).enumerate().for_each(|(y, row)| {
+            let inside_row = y < rows;
+            let y = y.min(rows - 1);
+            for (x, lanes) in row.iter_mut().enumerate() {
+                let inside = inside_row && x < columns;
+                let x = x.min(columns - 1);
+                let finite = (0..3).all(|c| colour[[y, x, c]].is_finite());
+                for c in 0..3 {
+                    let modulation = frame.albedo.as_ref().map_or(1.0, |a| unit(a[[y, x, c]]) + epsilon);
+                    lanes[MODULATION + c] = modulation;
+                    lanes[COLOUR + c] = if finite { radiance(colour[[y, x, c]]) / modulation } else { 0.0 };
+                }
+                lanes[DEPTH] = frame.depth.as_ref().map_or(0.0, |d| front(d[[y, x]]) * depth_scale);
+                lanes[INVALID] = if inside && finite { 0.0 } else { 1.0 };
+            }
+        });
+        for (channel, image) in extra_channels(&frame).into_iter().enumerate() {
+            let lane = channel % 8;
+            let base = &first[0];
+            more[channel / 8].par_chunks_mut(padded_columns).enumerate().for_each(|(y, row)| {
+                let y = y.min(rows - 1);
+                for (x, lanes) in row.iter_mut().enumerate() {
+                    let x = x.min(columns - 1);
+                    let value = image.0[[y, x]];
+                    let value = if value.is_finite() { value.clamp(-BRIGHTEST, BRIGHTEST) } else { 0.0 };
+                    lanes[lane] = image.1.map_or(value, |c| value / base[y * padded_columns + x][MODULATION + c]);
+                }
+            });
+        }
+        let vectors = frame.vector.as_ref().map(|v| pack_vectors(v.view(), padded_rows, padded_columns));
+        let exposure = exposure(frame.colour.view());
+        let aov_names = frame.aovs.iter().map(|a| a.name.clone()).collect();
+        let packed = Self { rows, columns, padded_rows, padded_columns, exposure, groups, extra, has_alpha, aov_names, vectors };
+        Ok((packed, Guides { albedo: frame.albedo, normal: frame.normal }))
+    }
+
+    /// Bytes that this frame holds.
+    pub fn bytes(&self) -> usize {
+        let pixels = self.padded_rows * self.padded_columns;
+        pixels * (32 * self.groups.len() + if self.vectors.is_some() { 16 } else { 0 })
+    }
+}
+
+/// Extra channels in order, with the modulation channel that demodulates them (none for alpha).
+fn extra_channels(frame: &Frame) -> Vec<(ArrayView2<'_, f32>, Option<usize>)> {
+    let alpha = frame.alpha.iter().map(|a: &Array2<f32>| (a.view(), None));
+    let aovs = frame.aovs.iter().flat_map(|a| (0..3).map(move |c| (a.image.slice(ndarray::s![.., .., c]), Some(c))));
+    alpha.chain(aovs).collect()
+}
+
+fn pack_vectors(v: ArrayView3<f32>, padded_rows: usize, padded_columns: usize) -> Vec<[f32; 4]> {
+    let (rows, columns, _) = v.dim();
+    let mut out = vec![[0.0; 4]; padded_rows * padded_columns];
+    out.par_chunks_mut(padded_columns).enumerate().for_each(|(y, row)| {
+        for (x, to) in row.iter_mut().enumerate() {
+            *to = std::array::from_fn(|c| v[[y.min(rows - 1), x.min(columns - 1), c]]);
+        }
+    });
+    out
+}
+
+/// A depth in front of the background, else 0.
+fn front(z: f32) -> f32 {
+    if z > 0.0 && z < BACKGROUND_DEPTH { z } else { 0.0 }
+}
+
+/// One over the mean of the depths in front of the background; 1 where there are none.
+fn depth_scale(depth: ArrayView2<f32>) -> f32 {
+    let (sum, count) = depth.iter().map(|z| front(*z)).filter(|z| *z > 0.0).fold((0.0f64, 0u64), |(s, n), z| (s + f64::from(z), n + 1));
+    if count == 0 { 1.0 } else { (count as f64 / sum) as f32 }
+}
+
+/// The scale that brings the log-average luminance over 16×16 blocks to 0.18; 1 for a black frame (`geometry.exposure`).
+pub fn exposure(colour: ArrayView3<f32>) -> f32 {
+    const BLOCK: usize = 16;
+    let (rows, columns, _) = colour.dim();
+    let means: Vec<f64> = (0..rows.div_ceil(BLOCK))
+        .into_par_iter()
+        .flat_map_iter(|by| (0..columns.div_ceil(BLOCK)).map(move |bx| (by, bx)))
+        .map(|(by, bx)| {
+            let (mut sum, mut count) = (0.0f64, 0u32);
+            for y in by * BLOCK..rows.min((by + 1) * BLOCK) {
+                for x in bx * BLOCK..columns.min((bx + 1) * BLOCK) {
+                    let [r, g, b] = std::array::from_fn(|c| colour[[y, x, c]]);
+                    if r.is_finite() && g.is_finite() && b.is_finite() {
+                        sum += f64::from(0.2126 * radiance(r) + 0.7152 * radiance(g) + 0.0722 * radiance(b));
+                        count += 1;
+                    }
+                }
+            }
+            if count == 0 { 0.0 } else { sum / f64::from(count) }
+        })
+        .collect();
+    let threshold = means.iter().copied().fold(0.0, f64::max) * 1e-6;
+    let (sum, count) = means.iter().filter(|m| **m > threshold).fold((0.0, 0u32), |(s, n), m| (s + m.log2(), n + 1));
+    if count == 0 { 1.0 } else { (0.18 / (sum / f64::from(count)).exp2()).clamp(1e-35, 1e35) as f32 }
+}
+
+#[cfg(test)]
+mod tests {
+    use ndarray::Array3;
+
+    use super::*;
+
+    #[test]
+    fn bad_pixels_are_marked_and_do_not_spread() {
+        let mut colour = Array3::from_elem((3, 5, 3), 0.5);
+        colour[[1, 2, 0]] = f32::NAN;
+        colour[[2, 4, 1]] = f32::INFINITY;
+        colour[[0, 0, 2]] = -7.0;
+        let (packed, _) = PackedFrame::new(Frame::new(colour), 0.05).unwrap();
+        assert_eq!((packed.padded_rows, packed.padded_columns), (8, 8));
+        let invalid: usize = packed.groups[0].iter().map(|p| p[INVALID] as usize).sum();
+        assert_eq!(invalid, 64 - 15 + 2);
+        assert_eq!(packed.groups[0][0][COLOUR + 2], 0.0);
+        assert!(packed.groups[0].iter().flatten().all(|v| v.is_finite()));
+    }
+
+    #[test]
+    fn exposure_follows_brightness_and_ignores_bad_pixels() {
+        let mut colour = Array3::from_shape_fn((40, 50, 3), |(y, x, _)| 0.1 + ((y * 7 + x * 3) % 13) as f32 * 0.02);
+        let plain = exposure(colour.view());
+        let brighter = exposure((&colour * 1024.0).view());
+        assert!((plain / brighter / 1024.0 - 1.0).abs() < 1e-6);
+        colour[[3, 3, 0]] = f32::INFINITY;
+        assert!((exposure(colour.view()) / plain - 1.0).abs() < 0.01);
+        assert_eq!(exposure(Array3::zeros((4, 4, 3)).view()), 1.0);
+    }
+}

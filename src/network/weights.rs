@@ -1,0 +1,202 @@
+//! The weights file: safetensors with the architecture, the training record and the measured numbers in its header.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use ndarray::{Array1, Array4, ArrayD, Ix1, Ix4};
+use safetensors::{Dtype, SafeTensors};
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+
+/// The header key under which the architecture stands, as JSON.
+const ARCHITECTURE_KEY: &str = "hush.architecture";
+/// The largest weights file that is read, in bytes.
+const SIZE_LIMIT: u64 = 256 << 20;
+
+/// Everything that the network needs to build itself (`Architecture` in `training/model.py`).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Architecture {
+    /// Of this description; this build reads version 1.
+    pub version: u32,
+    /// Channels of the source encoder's features, at half resolution.
+    pub features: usize,
+    /// Channels of the body at half resolution.
+    pub half: usize,
+    /// Channels of the body at quarter resolution.
+    pub quarter: usize,
+    /// Channels of the body at eighth resolution.
+    pub eighth: usize,
+    /// Residual blocks on the way down at half resolution.
+    pub blocks_half: usize,
+    /// Residual blocks on the way down at quarter resolution.
+    pub blocks_quarter: usize,
+    /// Residual blocks at eighth resolution.
+    pub blocks_eighth: usize,
+    /// Channels of the kernel predictor's layer for one neighbour.
+    pub pair: usize,
+    /// Hidden units between λ and the loss specialisation.
+    pub lambda_hidden: usize,
+    /// Width of the centre frame's kernels, in taps.
+    pub centre_taps: usize,
+    /// Width of a neighbour's kernels, in taps.
+    pub neighbour_taps: usize,
+    /// Width of the kernels that take in the coarser pyramid level, in taps.
+    pub coarse_taps: usize,
+    /// Width of the albedo's kernels in the centre frame, in taps.
+    pub albedo_taps: usize,
+    /// Pyramid levels.
+    pub levels: usize,
+    /// What is added to the albedo before dividing by it.
+    pub albedo_epsilon: f32,
+}
+
+impl Architecture {
+    fn check(&self) -> std::result::Result<(), String> {
+        if self.version != 1 {
+            return Err(format!("architecture version {} is not 1: use a Hush that knows it", self.version));
+        }
+        if self.levels != 3 {
+            return Err(format!("{} pyramid levels, this build computes 3", self.levels));
+        }
+        let widths = [self.features, self.half, self.quarter, self.eighth, self.pair];
+        if widths.iter().any(|w| *w == 0 || w % 16 != 0 || *w > 256) {
+            return Err(format!("channel widths {widths:?} must be multiples of 16 up to 256"));
+        }
+        let taps = [self.centre_taps, self.neighbour_taps, self.coarse_taps, self.albedo_taps];
+        if taps.iter().any(|t| t % 2 == 0 || *t > 9) {
+            return Err(format!("kernel widths {taps:?} must be odd, up to 9"));
+        }
+        if self.blocks_half + self.blocks_quarter + self.blocks_eighth > 64 || self.lambda_hidden == 0 || self.lambda_hidden > 1024 {
+            return Err("more layers than any sound model has".into());
+        }
+        if !(self.albedo_epsilon > 0.0 && self.albedo_epsilon <= 1.0) {
+            return Err(format!("albedo_epsilon {} must be in (0, 1]", self.albedo_epsilon));
+        }
+        Ok(())
+    }
+}
+
+/// A weights file in memory.
+#[derive(Clone, Debug)]
+pub struct Weights {
+    /// The file's name, or "embedded".
+    pub name: String,
+    /// FNV-1a of the file's bytes, to tell models apart in the manifest.
+    pub hash: u64,
+    pub architecture: Architecture,
+    /// The rest of the header: training data, steps, validation numbers.
+    pub record: HashMap<String, String>,
+    tensors: HashMap<String, ArrayD<f32>>,
+}
+
+impl Weights {
+    /// The weights that this build carries.
+    pub fn embedded() -> Result<Self> {
+        Self::from_bytes("embedded", include_bytes!("../../models/hush.safetensors"))
+    }
+
+    /// Reads a weights file. Refuses, with the reason, whatever is not a sound Hush model.
+    pub fn from_file(path: &Path) -> Result<Self> {
+        let size = std::fs::metadata(path).map_err(|e| Error::io(path, e))?.len();
+        if size > SIZE_LIMIT {
+            return Err(bad(&path.display().to_string(), format!("{} MiB is more than a Hush model has", size >> 20)));
+        }
+        let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+        Self::from_bytes(&path.display().to_string(), &bytes)
+    }
+
+    /// Reads a weights file's bytes; `name` is for messages.
+    pub fn from_bytes(name: &str, bytes: &[u8]) -> Result<Self> {
+        let refuse = |reason: String| bad(name, reason);
+        let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(|e| refuse(format!("not a safetensors file: {e}")))?;
+        let mut record = metadata.metadata().clone().unwrap_or_default();
+        let text = record.remove(ARCHITECTURE_KEY).ok_or_else(|| refuse(format!("the header has no {ARCHITECTURE_KEY}: not a Hush model")))?;
+        let architecture: Architecture = serde_json::from_str(&text).map_err(|e| refuse(format!("{ARCHITECTURE_KEY}: {e}")))?;
+        architecture.check().map_err(refuse)?;
+        let file = SafeTensors::deserialize(bytes).map_err(|e| refuse(format!("damaged: {e}")))?;
+        let mut tensors = HashMap::new();
+        for (key, view) in file.iter() {
+            let values: Vec<f32> = match view.dtype() {
+                Dtype::F32 => view.data().as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect(),
+                Dtype::F16 => view.data().as_chunks::<2>().0.iter().map(|b| half::f16::from_le_bytes(*b).to_f32()).collect(),
+                other => return Err(refuse(format!("tensor {key} is {other:?}, expected F32 or F16"))),
+            };
+            if values.iter().any(|v| !v.is_finite()) {
+                return Err(refuse(format!("tensor {key} holds values that are not finite")));
+            }
+            let array = ArrayD::from_shape_vec(view.shape(), values).map_err(|e| refuse(format!("tensor {key}: {e}")))?;
+            tensors.insert(key.to_string(), array);
+        }
+        let hash = bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h: u64, b| (h ^ u64::from(*b)).wrapping_mul(0x0100_0000_01b3));
+        Ok(Self { name: name.into(), hash, architecture, record, tensors })
+    }
+
+    fn take(&self, key: &str, shape: &[usize]) -> Result<ArrayD<f32>> {
+        let tensor = self.tensors.get(key).ok_or_else(|| bad(&self.name, format!("tensor {key} is missing")))?;
+        if tensor.shape() != shape {
+            return Err(bad(&self.name, format!("tensor {key} has shape {:?}, the architecture wants {shape:?}", tensor.shape())));
+        }
+        Ok(tensor.clone())
+    }
+
+    /// A convolution's weights (outputs, inputs, size, size) and bias (outputs), or no bias where `biased` is false.
+    pub fn conv(&self, key: &str, outputs: usize, inputs: usize, size: usize, biased: bool) -> Result<(Array4<f32>, Option<Array1<f32>>)> {
+        let weight = self.take(&format!("{key}.weight"), &[outputs, inputs, size, size])?;
+        let weight = weight.into_dimensionality::<Ix4>().map_err(|e| bad(&self.name, format!("{key}: {e}")))?;
+        let bias = if biased { Some(self.vector(&format!("{key}.bias"), outputs)?) } else { None };
+        Ok((weight, bias))
+    }
+
+    /// A fully connected layer's weights (outputs, inputs) and bias (outputs).
+    pub fn linear(&self, key: &str, outputs: usize, inputs: usize) -> Result<(ndarray::Array2<f32>, Array1<f32>)> {
+        let weight = self.take(&format!("{key}.weight"), &[outputs, inputs])?;
+        let weight = weight.into_dimensionality().map_err(|e| bad(&self.name, format!("{key}: {e}")))?;
+        Ok((weight, self.vector(&format!("{key}.bias"), outputs)?))
+    }
+
+    fn vector(&self, key: &str, len: usize) -> Result<Array1<f32>> {
+        let tensor = self.take(key, &[len])?;
+        tensor.into_dimensionality::<Ix1>().map_err(|e| bad(&self.name, format!("{key}: {e}")))
+    }
+}
+
+fn bad(model: &str, reason: String) -> Error {
+    Error::BadModel { model: model.into(), reason }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const EMBEDDED: &[u8] = include_bytes!("../../models/hush.safetensors");
+
+    #[test]
+    fn the_embedded_model_loads_and_says_how_it_was_trained() {
+        let weights = Weights::embedded().unwrap();
+        assert_eq!(weights.architecture.version, 1);
+        assert!(weights.record.contains_key("hush.training"), "{:?}", weights.record);
+    }
+
+    #[test]
+    fn damaged_files_are_refused_with_a_reason() {
+        for cut in [0, 7, 8, 100, EMBEDDED.len() / 2, EMBEDDED.len() - 1] {
+            assert!(matches!(Weights::from_bytes("cut", &EMBEDDED[..cut]), Err(Error::BadModel { .. })), "cut at {cut}");
+        }
+        assert!(Weights::from_bytes("garbage", &[0xff; 4096]).is_err());
+        let mut other = EMBEDDED.to_vec();
+        let at = other.windows(13).position(|w| w == b"\\\"features\\\":").unwrap();
+        other[at + 14] = b'9';
+        assert!(matches!(Weights::from_bytes("edited", &other), Err(Error::BadModel { .. })));
+    }
+
+    #[test]
+    fn a_missing_or_misshapen_tensor_is_named() {
+        let weights = Weights::embedded().unwrap();
+        let message = weights.conv("no_such_layer", 1, 1, 1, true).unwrap_err().to_string();
+        assert!(message.contains("no_such_layer.weight is missing"), "{message}");
+        let message = weights.conv("encoder.first", 1, 1, 1, true).unwrap_err().to_string();
+        assert!(message.contains("encoder.first.weight has shape"), "{message}");
+    }
+}

@@ -1,0 +1,364 @@
+//! Sixteen f32 lanes on every instruction set, so that a kernel is written once.
+//!
+//! A value of one of the token types proves that the CPU has its instructions; [`dispatch!`] makes the token and enters a
+//! function compiled for it. Every operation rounds alike on AVX-512 and AVX2; the portable path has no fused multiply-add
+//! unless the target has, and agrees to a few units in the last place.
+
+/// Sixteen lanes of f32 and the operations that the kernels need.
+pub trait Lanes: Copy + Send + Sync {
+    /// Sixteen f32.
+    type V: Copy;
+    /// How many 32-pixel accumulators fit into registers: rows of the dense kernel's register tile.
+    const TILE: usize;
+    fn splat(self, x: f32) -> Self::V;
+    /// Sixteen floats from `from[at..]`; panics if they are not there.
+    fn load(self, from: &[f32], at: usize) -> Self::V;
+    /// Writes sixteen floats to `to[at..]`; panics if there is no room.
+    fn store(self, v: Self::V, to: &mut [f32], at: usize);
+    fn add(self, a: Self::V, b: Self::V) -> Self::V;
+    fn sub(self, a: Self::V, b: Self::V) -> Self::V;
+    fn mul(self, a: Self::V, b: Self::V) -> Self::V;
+    fn div(self, a: Self::V, b: Self::V) -> Self::V;
+    /// a·b + c, fused where the instruction set has it.
+    fn fma(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V;
+    fn max(self, a: Self::V, b: Self::V) -> Self::V;
+    fn min(self, a: Self::V, b: Self::V) -> Self::V;
+    /// a where x > 0, else 0.
+    fn where_positive(self, x: Self::V, a: Self::V) -> Self::V;
+    /// v·2ⁿ for integral n in −126…127.
+    fn scale2(self, v: Self::V, n: Self::V) -> Self::V;
+    /// The nearest integer, ties to even.
+    fn round(self, v: Self::V) -> Self::V;
+
+    /// eˣ for x in −87…88, to about 2 units in the last place (Cephes' polynomial).
+    #[inline(always)]
+    fn exp(self, x: Self::V) -> Self::V {
+        let n = self.round(self.mul(x, self.splat(std::f32::consts::LOG2_E)));
+        let r = self.fma(n, self.splat(-0.693_359_4), x);
+        let r = self.fma(n, self.splat(2.121_944_4e-4), r);
+        let mut p = self.splat(1.987_569_1e-4);
+        for c in [1.398_2e-3, 8.333_452e-3, 4.166_579_6e-2, 1.666_666_5e-1, 0.5] {
+            p = self.fma(p, r, self.splat(c));
+        }
+        let p = self.fma(self.mul(r, r), p, self.add(r, self.splat(1.0)));
+        self.scale2(p, n)
+    }
+}
+
+/// Plain Rust; the path for every CPU that has no path of its own.
+#[derive(Clone, Copy, Debug)]
+pub struct Portable;
+
+#[inline(always)]
+fn map2(a: [f32; 16], b: [f32; 16], f: impl Fn(f32, f32) -> f32) -> [f32; 16] {
+    let mut out = [0.0; 16];
+    for i in 0..16 {
+        out[i] = f(a[i], b[i]);
+    }
+    out
+}
+
+#[inline(always)]
+fn sixteen(from: &[f32], at: usize) -> &[f32; 16] {
+    from[at..at + 16].try_into().expect("a slice of sixteen")
+}
+
+impl Lanes for Portable {
+    type V = [f32; 16];
+    const TILE: usize = 2;
+    #[inline(always)]
+    fn splat(self, x: f32) -> Self::V {
+        [x; 16]
+    }
+    #[inline(always)]
+    fn load(self, from: &[f32], at: usize) -> Self::V {
+        *sixteen(from, at)
+    }
+    #[inline(always)]
+    fn store(self, v: Self::V, to: &mut [f32], at: usize) {
+        to[at..at + 16].copy_from_slice(&v);
+    }
+    #[inline(always)]
+    fn add(self, a: Self::V, b: Self::V) -> Self::V {
+        map2(a, b, |a, b| a + b)
+    }
+    #[inline(always)]
+    fn sub(self, a: Self::V, b: Self::V) -> Self::V {
+        map2(a, b, |a, b| a - b)
+    }
+    #[inline(always)]
+    fn mul(self, a: Self::V, b: Self::V) -> Self::V {
+        map2(a, b, |a, b| a * b)
+    }
+    #[inline(always)]
+    fn div(self, a: Self::V, b: Self::V) -> Self::V {
+        map2(a, b, |a, b| a / b)
+    }
+    #[inline(always)]
+    fn fma(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V {
+        let mut out = [0.0; 16];
+        for i in 0..16 {
+            out[i] = if cfg!(any(target_feature = "fma", target_arch = "aarch64")) { a[i].mul_add(b[i], c[i]) } else { a[i] * b[i] + c[i] };
+        }
+        out
+    }
+    #[inline(always)]
+    fn max(self, a: Self::V, b: Self::V) -> Self::V {
+        map2(a, b, |a, b| if a > b { a } else { b })
+    }
+    #[inline(always)]
+    fn min(self, a: Self::V, b: Self::V) -> Self::V {
+        map2(a, b, |a, b| if a < b { a } else { b })
+    }
+    #[inline(always)]
+    fn where_positive(self, x: Self::V, a: Self::V) -> Self::V {
+        map2(x, a, |x, a| if x > 0.0 { a } else { 0.0 })
+    }
+    #[inline(always)]
+    fn scale2(self, v: Self::V, n: Self::V) -> Self::V {
+        map2(v, n, |v, n| v * f32::from_bits(((n as i32 + 127) as u32) << 23))
+    }
+    #[inline(always)]
+    fn round(self, v: Self::V) -> Self::V {
+        // Adding and taking away 1.5·2²³ rounds to the nearest integer without a library call.
+        const MAGIC: f32 = 12_582_912.0;
+        map2(v, v, |v, _| (v + MAGIC) - MAGIC)
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+pub use x86::{Avx2, Avx512};
+
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    use std::arch::x86_64::*;
+
+    use super::{Lanes, sixteen};
+
+    /// Proof that the CPU has AVX-512 F, VL, BW and DQ.
+    #[derive(Clone, Copy, Debug)]
+    pub struct Avx512(());
+
+    /// Proof that the CPU has AVX2 and FMA.
+    #[derive(Clone, Copy, Debug)]
+    pub struct Avx2(());
+
+    impl Avx512 {
+        /// The token, where the CPU has the instructions.
+        pub fn new() -> Option<Self> {
+            let has = is_x86_feature_detected!("avx512f")
+                && is_x86_feature_detected!("avx512vl")
+                && is_x86_feature_detected!("avx512bw")
+                && is_x86_feature_detected!("avx512dq");
+            (has && Avx2::new().is_some()).then_some(Self(()))
+        }
+    }
+
+    impl Avx2 {
+        /// The token, where the CPU has the instructions.
+        pub fn new() -> Option<Self> {
+            (is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")).then_some(Self(()))
+        }
+    }
+
+    macro_rules! avx512 {
+        ($e:expr) => {
+            // SAFETY: the token `self` proves that the CPU has these instructions; loads and stores go through checked arrays.
+            unsafe { $e }
+        };
+    }
+
+    impl Lanes for Avx512 {
+        type V = __m512;
+        const TILE: usize = 12;
+        #[inline(always)]
+        fn splat(self, x: f32) -> __m512 {
+            avx512!(_mm512_set1_ps(x))
+        }
+        #[inline(always)]
+        fn load(self, from: &[f32], at: usize) -> __m512 {
+            let p = sixteen(from, at).as_ptr();
+            avx512!(_mm512_loadu_ps(p))
+        }
+        #[inline(always)]
+        fn store(self, v: __m512, to: &mut [f32], at: usize) {
+            let p = to[at..at + 16].as_mut_ptr();
+            avx512!(_mm512_storeu_ps(p, v))
+        }
+        #[inline(always)]
+        fn add(self, a: __m512, b: __m512) -> __m512 {
+            avx512!(_mm512_add_ps(a, b))
+        }
+        #[inline(always)]
+        fn sub(self, a: __m512, b: __m512) -> __m512 {
+            avx512!(_mm512_sub_ps(a, b))
+        }
+        #[inline(always)]
+        fn mul(self, a: __m512, b: __m512) -> __m512 {
+            avx512!(_mm512_mul_ps(a, b))
+        }
+        #[inline(always)]
+        fn div(self, a: __m512, b: __m512) -> __m512 {
+            avx512!(_mm512_div_ps(a, b))
+        }
+        #[inline(always)]
+        fn fma(self, a: __m512, b: __m512, c: __m512) -> __m512 {
+            avx512!(_mm512_fmadd_ps(a, b, c))
+        }
+        #[inline(always)]
+        fn max(self, a: __m512, b: __m512) -> __m512 {
+            avx512!(_mm512_max_ps(a, b))
+        }
+        #[inline(always)]
+        fn min(self, a: __m512, b: __m512) -> __m512 {
+            avx512!(_mm512_min_ps(a, b))
+        }
+        #[inline(always)]
+        fn where_positive(self, x: __m512, a: __m512) -> __m512 {
+            avx512!(_mm512_maskz_mov_ps(_mm512_cmp_ps_mask::<_CMP_GT_OQ>(x, _mm512_setzero_ps()), a))
+        }
+        #[inline(always)]
+        fn scale2(self, v: __m512, n: __m512) -> __m512 {
+            avx512!({
+                let bits = _mm512_slli_epi32::<23>(_mm512_add_epi32(_mm512_cvtps_epi32(n), _mm512_set1_epi32(127)));
+                _mm512_mul_ps(v, _mm512_castsi512_ps(bits))
+            })
+        }
+        #[inline(always)]
+        fn round(self, v: __m512) -> __m512 {
+            avx512!(_mm512_roundscale_ps::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(v))
+        }
+    }
+
+    macro_rules! both {
+        ($f:expr) => {
+            // SAFETY: the token `self` proves that the CPU has these instructions; loads and stores go through checked arrays.
+            unsafe { [$f(0), $f(1)] }
+        };
+    }
+
+    impl Lanes for Avx2 {
+        type V = [__m256; 2];
+        const TILE: usize = 3;
+        #[inline(always)]
+        fn splat(self, x: f32) -> Self::V {
+            both!(|_| _mm256_set1_ps(x))
+        }
+        #[inline(always)]
+        fn load(self, from: &[f32], at: usize) -> Self::V {
+            let p = sixteen(from, at).as_ptr();
+            both!(|i: usize| _mm256_loadu_ps(p.add(8 * i)))
+        }
+        #[inline(always)]
+        fn store(self, v: Self::V, to: &mut [f32], at: usize) {
+            let p = to[at..at + 16].as_mut_ptr();
+            both!(|i: usize| _mm256_storeu_ps(p.add(8 * i), v[i]));
+        }
+        #[inline(always)]
+        fn add(self, a: Self::V, b: Self::V) -> Self::V {
+            both!(|i: usize| _mm256_add_ps(a[i], b[i]))
+        }
+        #[inline(always)]
+        fn sub(self, a: Self::V, b: Self::V) -> Self::V {
+            both!(|i: usize| _mm256_sub_ps(a[i], b[i]))
+        }
+        #[inline(always)]
+        fn mul(self, a: Self::V, b: Self::V) -> Self::V {
+            both!(|i: usize| _mm256_mul_ps(a[i], b[i]))
+        }
+        #[inline(always)]
+        fn div(self, a: Self::V, b: Self::V) -> Self::V {
+            both!(|i: usize| _mm256_div_ps(a[i], b[i]))
+        }
+        #[inline(always)]
+        fn fma(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V {
+            both!(|i: usize| _mm256_fmadd_ps(a[i], b[i], c[i]))
+        }
+        #[inline(always)]
+        fn max(self, a: Self::V, b: Self::V) -> Self::V {
+            both!(|i: usize| _mm256_max_ps(a[i], b[i]))
+        }
+        #[inline(always)]
+        fn min(self, a: Self::V, b: Self::V) -> Self::V {
+            both!(|i: usize| _mm256_min_ps(a[i], b[i]))
+        }
+        #[inline(always)]
+        fn where_positive(self, x: Self::V, a: Self::V) -> Self::V {
+            both!(|i: usize| _mm256_and_ps(_mm256_cmp_ps::<_CMP_GT_OQ>(x[i], _mm256_setzero_ps()), a[i]))
+        }
+        #[inline(always)]
+        fn scale2(self, v: Self::V, n: Self::V) -> Self::V {
+            both!(|i: usize| {
+                let bits = _mm256_slli_epi32::<23>(_mm256_add_epi32(_mm256_cvtps_epi32(n[i]), _mm256_set1_epi32(127)));
+                _mm256_mul_ps(v[i], _mm256_castsi256_ps(bits))
+            })
+        }
+        #[inline(always)]
+        fn round(self, v: Self::V) -> Self::V {
+            both!(|i: usize| _mm256_round_ps::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(v[i]))
+        }
+    }
+}
+
+/// Defines `fn name(isa: Isa, args…)` that runs the generic `body::<L: Lanes>(lanes, args…)` compiled for the instruction set.
+///
+/// An instruction set that the CPU lacks falls back to the portable path. `body` must be `#[inline(always)]`.
+macro_rules! dispatch {
+    ($(#[$meta:meta])* $vis:vis fn $name:ident($($arg:ident: $ty:ty),* $(,)?) = $body:ident) => {
+        $(#[$meta])*
+        #[allow(clippy::too_many_arguments)]
+        $vis fn $name(isa: $crate::simd::Isa, $($arg: $ty),*) {
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[allow(clippy::too_many_arguments)]
+                #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx2,fma")]
+                fn avx512(lanes: $crate::simd::lanes::Avx512, $($arg: $ty),*) {
+                    $body(lanes, $($arg),*)
+                }
+                #[allow(clippy::too_many_arguments)]
+                #[target_feature(enable = "avx2,fma")]
+                fn avx2(lanes: $crate::simd::lanes::Avx2, $($arg: $ty),*) {
+                    $body(lanes, $($arg),*)
+                }
+                if isa == $crate::simd::Isa::Avx512 && let Some(lanes) = $crate::simd::lanes::Avx512::new() {
+                    // SAFETY: the token proves that the CPU has the instructions.
+                    return unsafe { avx512(lanes, $($arg),*) };
+                }
+                if isa == $crate::simd::Isa::Avx2 && let Some(lanes) = $crate::simd::lanes::Avx2::new() {
+                    // SAFETY: the token proves that the CPU has the instructions.
+                    return unsafe { avx2(lanes, $($arg),*) };
+                }
+            }
+            let _ = isa;
+            $body($crate::simd::lanes::Portable, $($arg),*)
+        }
+    };
+}
+pub(crate) use dispatch;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simd::Isa;
+
+    #[inline(always)]
+    fn exp_body<L: Lanes>(l: L, x: &[f32], out: &mut [f32]) {
+        for at in (0..x.len()).step_by(16) {
+            l.store(l.exp(l.load(x, at)), out, at);
+        }
+    }
+    dispatch!(fn exp_all(x: &[f32], out: &mut [f32]) = exp_body);
+
+    #[test]
+    fn exp_is_accurate_on_every_isa() {
+        let x: Vec<f32> = (0..4096).map(|i| -87.0 + i as f32 * (174.0 / 4096.0)).collect();
+        for isa in Isa::available() {
+            let mut out = vec![0.0; x.len()];
+            exp_all(isa, &x, &mut out);
+            for (x, y) in x.iter().zip(&out) {
+                let exact = f64::from(*x).exp();
+                assert!((f64::from(*y) - exact).abs() <= 4e-7 * exact, "{isa:?}: exp({x}) = {y}");
+            }
+        }
+    }
+}

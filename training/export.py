@@ -1,0 +1,45 @@
+"""Writes a checkpoint's averaged weights as the safetensors file that the Rust core embeds.
+
+    python export.py runs/first/checkpoint.pt ../models/hush.safetensors --shots ../../shared/data/shots
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+import torch
+from data import OFFSETS, read_split
+from model import Architecture, Hush
+from safetensors.torch import save_file
+from train import validate
+
+
+def main() -> None:
+    p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p.add_argument("checkpoint", type=Path)
+    p.add_argument("weights", type=Path)
+    p.add_argument("--shots", type=Path, required=True, help="the shots it was trained on; the validation split measures the exported weights")
+    p.add_argument("--threads", type=int, default=1)
+    a = p.parse_args()
+    torch.set_num_threads(a.threads)
+    state = torch.load(a.checkpoint, weights_only=True, map_location="cpu")
+    net = Hush(Architecture())
+    tensors = {k.removeprefix("module."): v for k, v in state["mean"].items() if k.startswith("module.")}
+    tensors = {k: v.to(torch.float16).contiguous() for k, v in tensors.items()}
+    net.load_state_dict({k: v.float() for k, v in tensors.items()})
+    net.eval()
+    train, held = read_split(a.shots)
+    measured = {"smape_window_2": validate(net, held, OFFSETS), "smape_window_0": validate(net, held, ())}
+    header = {
+        "hush.architecture": json.dumps(net.arch.header(), separators=(",", ":")),
+        "hush.training": json.dumps({"steps": state["step"], "seconds": round(state["spent"]), "seeds": [s.seed for s in train]}),
+        "hush.validation": json.dumps({"seeds": [s.seed for s in held], **measured}),
+    }
+    save_file(tensors, a.weights, metadata=header)
+    print(json.dumps(measured), a.weights.stat().st_size, "bytes")
+
+
+if __name__ == "__main__":
+    main()
