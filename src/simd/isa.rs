@@ -1,36 +1,79 @@
-//! Which instruction set the kernels run on.
+//! Which instructions the convolutions may use.
 
-/// An instruction set with kernels of its own; a greater one is faster.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+use std::sync::OnceLock;
+
+/// An instruction set, from the slowest to the fastest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Isa {
-    /// Plain Rust on any CPU.
+    /// Plain Rust that the compiler vectorises for the target: NEON on aarch64, SSE2 on x86-64.
     Portable,
-    /// x86-64 with AVX2 and FMA.
+    /// AVX2 and FMA, 8 lanes.
     Avx2,
-    /// x86-64 with AVX-512 F, VL, BW and DQ.
+    /// AVX-512F, 16 lanes.
     Avx512,
 }
 
 impl Isa {
-    /// Every instruction set that this CPU runs, slowest first.
-    pub fn available() -> Vec<Self> {
-        #[allow(unused_mut)]
-        let mut all = vec![Self::Portable];
-        #[cfg(target_arch = "x86_64")]
-        {
-            all.extend(super::lanes::Avx2::new().map(|_| Self::Avx2));
-            all.extend(super::lanes::Avx512::new().map(|_| Self::Avx512));
-        }
-        all
+    /// The fastest level of this CPU, or what `HUSH_SIMD` (`avx512`, `avx2` or `portable`) lowers it to. A level that the CPU
+    /// lacks, or another word, is ignored. Read once.
+    pub fn detect() -> Self {
+        static CHOSEN: OnceLock<Isa> = OnceLock::new();
+        *CHOSEN.get_or_init(|| Self::lowered(Self::best(), std::env::var("HUSH_SIMD").ok().as_deref()))
     }
 
-    /// The fastest that this CPU runs; the environment variable `HUSH_SIMD` (avx512, avx2 or portable) lowers it.
-    pub fn detect() -> Self {
-        let limit = match std::env::var("HUSH_SIMD").as_deref() {
-            Ok("portable") => Self::Portable,
-            Ok("avx2") => Self::Avx2,
-            _ => Self::Avx512,
-        };
-        Self::available().into_iter().rfind(|isa| *isa <= limit).unwrap_or(Self::Portable)
+    /// Every level that this CPU can run, slowest first.
+    pub fn available() -> Vec<Self> {
+        [Self::Portable, Self::Avx2, Self::Avx512].into_iter().filter(|isa| *isa <= Self::best()).collect()
+    }
+
+    /// The name that `HUSH_SIMD` understands.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Portable => "portable",
+            Self::Avx2 => "avx2",
+            Self::Avx512 => "avx512",
+        }
+    }
+
+    /// This level, or the CPU's best where it lacks this one.
+    pub(super) fn supported(self) -> Self {
+        self.min(Self::best())
+    }
+
+    fn best() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+            return if is_x86_feature_detected!("avx512f") { Self::Avx512 } else { Self::Avx2 };
+        }
+        Self::Portable
+    }
+
+    fn lowered(best: Self, wish: Option<&str>) -> Self {
+        let wish = wish.map(|word| word.trim().to_ascii_lowercase());
+        [Self::Portable, Self::Avx2, Self::Avx512]
+            .into_iter()
+            .find(|isa| Some(isa.name()) == wish.as_deref())
+            .unwrap_or(best)
+            .min(best)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wish_lowers_only() {
+        assert_eq!(Isa::lowered(Isa::Avx512, Some("avx2")), Isa::Avx2);
+        assert_eq!(Isa::lowered(Isa::Avx512, Some(" Portable ")), Isa::Portable);
+        assert_eq!(Isa::lowered(Isa::Avx2, Some("avx512")), Isa::Avx2);
+        assert_eq!(Isa::lowered(Isa::Avx2, Some("sse9")), Isa::Avx2);
+        assert_eq!(Isa::lowered(Isa::Avx2, None), Isa::Avx2);
+    }
+
+    #[test]
+    fn portable_is_always_there() {
+        assert_eq!(Isa::available().first(), Some(&Isa::Portable));
+        assert!(Isa::available().contains(&Isa::detect()));
     }
 }

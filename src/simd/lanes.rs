@@ -135,7 +135,7 @@ mod x86 {
 
     use super::{Lanes, sixteen};
 
-    /// Proof that the CPU has AVX-512 F, VL, BW and DQ.
+    /// Proof that the CPU has AVX-512F.
     #[derive(Clone, Copy, Debug)]
     pub struct Avx512(());
 
@@ -146,11 +146,7 @@ mod x86 {
     impl Avx512 {
         /// The token, where the CPU has the instructions.
         pub fn new() -> Option<Self> {
-            let has = is_x86_feature_detected!("avx512f")
-                && is_x86_feature_detected!("avx512vl")
-                && is_x86_feature_detected!("avx512bw")
-                && is_x86_feature_detected!("avx512dq");
-            (has && Avx2::new().is_some()).then_some(Self(()))
+            (is_x86_feature_detected!("avx512f") && Avx2::new().is_some()).then_some(Self(()))
         }
     }
 
@@ -311,7 +307,7 @@ macro_rules! dispatch {
             #[cfg(target_arch = "x86_64")]
             {
                 #[allow(clippy::too_many_arguments)]
-                #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx2,fma")]
+                #[target_feature(enable = "avx512f,avx2,fma")]
                 fn avx512(lanes: $crate::simd::lanes::Avx512, $($arg: $ty),*) {
                     $body(lanes, $($arg),*)
                 }

@@ -1,7 +1,23 @@
-//! Arithmetic on the CPU's vector instructions: convolutions, dense layers over pixel segments, sixteen-lane maths.
+//! f32 convolutions on the CPU, the engine room: the same bits for any number of threads and any split into rows.
+//!
+//! [`Conv`] holds packed weights and runs on an [`Activation`] with the instruction set that [`Isa`] picks at run time.
+//! One generic kernel (`kernel`) serves every instruction set through the `Vector` trait (`vector`); `pack` lays a tile of
+//! the input out for it, with padding, ReLU, concatenation and up-sampling done on the way.
 
+mod activation;
+mod buffer;
+mod conv;
 pub mod dense;
 mod isa;
+mod kernel;
 pub mod lanes;
+mod pack;
+mod vector;
 
+#[cfg(test)]
+mod tests;
+
+pub use activation::Activation;
+pub use conv::{Conv, Epilogue};
 pub use isa::Isa;
+pub use pack::Source;

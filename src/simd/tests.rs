@@ -1,0 +1,268 @@
+//! One suite for every instruction set that the CPU has, against sums in f64.
+
+use ndarray::{Array1, Array3, Array4};
+
+use super::{Activation, Conv, Epilogue, Isa, Source};
+
+const SIZES: [(usize, usize); 8] = [(1, 1), (1, 9), (9, 1), (2, 2), (5, 7), (3, 26), (11, 25), (10, 128)];
+const CHANNELS: [(usize, usize); 12] =
+    [(1, 16), (10, 32), (40, 32), (32, 32), (48, 48), (48, 80), (71, 80), (80, 96), (144, 48), (128, 16), (96, 128), (32, 25)];
+
+/// Repeatable noise in −1…1.
+struct Noise(u64);
+
+impl Noise {
+    fn next(&mut self) -> f32 {
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (self.0 >> 40) as f32 / (1u64 << 23) as f32 - 1.0
+    }
+
+    fn activation(&mut self, rows: usize, columns: usize, channels: usize) -> Activation {
+        let mut a = Activation::new(rows, columns, channels);
+        a.as_mut_slice().fill_with(|| self.next());
+        a
+    }
+}
+
+struct Case {
+    weight: Array4<f32>,
+    bias: Array1<f32>,
+    conv: Conv,
+    stride: usize,
+}
+
+impl Case {
+    fn new(noise: &mut Noise, inputs: usize, outputs: usize, kernel: usize, stride: usize) -> Self {
+        let weight = Array4::from_shape_simple_fn((outputs, inputs, kernel, kernel), || noise.next());
+        let bias = Array1::from_shape_simple_fn(outputs, || noise.next());
+        let conv = Conv::new(weight.view(), Some(bias.view()), stride);
+        Self { weight, bias, conv, stride }
+    }
+
+    /// The value of every output and the sum of the magnitudes of its terms, in f64.
+    fn reference(&self, input: &Activation, epilogue: Epilogue) -> (Array3<f64>, Array3<f64>) {
+        let (outputs, inputs, kernel, _) = self.weight.dim();
+        let (rows, columns) = (input.rows().div_ceil(self.stride), input.columns().div_ceil(self.stride));
+        let image = input.view();
+        let mut value = Array3::zeros((rows, columns, outputs));
+        let mut scale = value.clone();
+        for ((r, c, co), value) in value.indexed_iter_mut() {
+            let mut sum = f64::from(self.bias[co]);
+            let mut magnitude = sum.abs();
+            for ky in 0..kernel {
+                for kx in 0..kernel {
+                    let at = ((r * self.stride + ky).checked_sub(kernel / 2), (c * self.stride + kx).checked_sub(kernel / 2));
+                    let (Some(y), Some(x)) = at else { continue };
+                    if y >= input.rows() || x >= input.columns() {
+                        continue;
+                    }
+                    for ci in 0..inputs {
+                        let mut pixel = f64::from(image[[y, x, ci]]);
+                        if epilogue.relu_input {
+                            pixel = pixel.max(0.0);
+                        }
+                        let term = pixel * f64::from(self.weight[[co, ci, ky, kx]]);
+                        sum += term;
+                        magnitude += term.abs();
+                    }
+                }
+            }
+            if let Some(add) = epilogue.add {
+                sum += f64::from(add.view()[[r, c, co]]);
+                magnitude += f64::from(add.view()[[r, c, co]].abs());
+            }
+            *value = if epilogue.relu_output { sum.max(0.0) } else { sum };
+            scale[[r, c, co]] = magnitude;
+        }
+        (value, scale)
+    }
+}
+
+fn assert_close(found: &Activation, (value, scale): &(Array3<f64>, Array3<f64>), what: &str) {
+    assert_eq!(found.view().dim(), value.dim(), "{what}");
+    for ((at, wanted), found) in value.indexed_iter().zip(found.as_slice()) {
+        let error = (f64::from(*found) - wanted).abs();
+        assert!(error <= 1e-6 * scale[at] + 1e-7, "{what} at {at:?}: {found}, not {wanted}");
+    }
+}
+
+fn bits(a: &Activation) -> Vec<u32> {
+    a.as_slice().iter().map(|v| v.to_bits()).collect()
+}
+
+/// Every layer kind on every size, with flags that change from case to case, on every instruction set.
+#[test]
+fn agrees_with_sums_in_f64() {
+    let mut noise = Noise(1);
+    let mut output = Activation::empty();
+    let mut flags = 0;
+    for (inputs, outputs) in CHANNELS {
+        for (kernel, stride) in [(1, 1), (3, 1), (3, 2)] {
+            let case = Case::new(&mut noise, inputs, outputs, kernel, stride);
+            for (rows, columns) in SIZES.into_iter().filter(|(rows, columns)| rows * columns < 300 || inputs * outputs < 1600) {
+                let input = noise.activation(rows, columns, inputs);
+                let size = case.conv.output_size(rows, columns);
+                let residual = noise.activation(size.0, size.1, outputs);
+                flags += 1;
+                let epilogue = Epilogue {
+                    relu_input: flags & 1 != 0,
+                    relu_output: flags & 2 != 0,
+                    add: (flags % 3 != 0).then_some(&residual),
+                };
+                let reference = case.reference(&input, epilogue);
+                for isa in Isa::available() {
+                    case.conv.run(isa, &input, &mut output, epilogue);
+                    let what = format!("{isa:?} {inputs}→{outputs} {kernel}×{kernel}/{stride} on {rows}×{columns}");
+                    assert_close(&output, &reference, &what);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn no_bias_is_zero() {
+    let weight = Array4::from_elem((16, 1, 1, 1), 2.0);
+    let conv = Conv::new(weight.view(), None, 1);
+    let mut input = Activation::new(1, 1, 1);
+    input.as_mut_slice()[0] = 3.0;
+    for isa in Isa::available() {
+        let mut output = Activation::empty();
+        conv.run(isa, &input, &mut output, Epilogue::default());
+        assert!(output.as_slice().iter().all(|v| *v == 6.0), "{isa:?}");
+    }
+}
+
+/// Threads, splits into rows, the memory's past and AVX2 against AVX-512 change no bit.
+#[test]
+fn no_bit_depends_on_the_split() {
+    let mut noise = Noise(2);
+    for (inputs, outputs, kernel, stride) in [(40, 32, 3, 1), (48, 80, 3, 2), (71, 25, 1, 1), (10, 96, 3, 1)] {
+        let case = Case::new(&mut noise, inputs, outputs, kernel, stride);
+        let input = noise.activation(37, 131, inputs);
+        let (rows, columns) = case.conv.output_size(37, 131);
+        let residual = noise.activation(rows, columns, outputs);
+        let epilogue = Epilogue { relu_input: true, relu_output: true, add: Some(&residual) };
+        let mut fused = None;
+        for isa in Isa::available() {
+            let mut whole = Activation::empty();
+            case.conv.run(isa, &input, &mut whole, epilogue);
+            for threads in [1, 2, 5] {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+                let mut output = Activation::new(50, 50, 50);
+                output.as_mut_slice().fill(f32::NAN);
+                pool.install(|| case.conv.run(isa, &input, &mut output, epilogue));
+                assert_eq!(bits(&output), bits(&whole), "{isa:?} {inputs}→{outputs} on {threads} threads");
+            }
+            for range in [0..0, 0..1, 0..rows, 3..4, 5..rows - 2, rows - 1..rows] {
+                let mut output = noise.activation(3, 200, outputs);
+                case.conv.run_rows(isa, &input, &mut output, epilogue, range.clone());
+                assert_eq!(output.shape(), (range.len(), columns, outputs));
+                let width = columns * outputs;
+                assert_eq!(bits(&output), bits(&whole)[range.start * width..range.end * width], "{isa:?} rows {range:?}");
+            }
+            if isa != Isa::Portable {
+                let fused = fused.get_or_insert_with(|| bits(&whole));
+                assert_eq!(&bits(&whole), fused, "{isa:?} {inputs}→{outputs}");
+            }
+        }
+    }
+}
+
+/// A crop equals the whole image where its border is out of reach, wherever its pixels fall in the register tiles.
+#[test]
+fn a_crop_equals_the_whole() {
+    let mut noise = Noise(3);
+    let case = Case::new(&mut noise, 32, 48, 3, 1);
+    let input = noise.activation(20, 150, 32);
+    for isa in Isa::available() {
+        let mut whole = Activation::empty();
+        case.conv.run(isa, &input, &mut whole, Epilogue::default());
+        for (top, left, rows, columns) in [(3, 5, 9, 31), (0, 77, 20, 13), (7, 100, 3, 50)] {
+            let mut crop = Activation::new(rows, columns, 32);
+            for r in 0..rows {
+                crop.row_mut(r).copy_from_slice(&input.row(top + r)[left * 32..(left + columns) * 32]);
+            }
+            let mut output = Activation::empty();
+            case.conv.run(isa, &crop, &mut output, Epilogue::default());
+            for r in 1..rows - 1 {
+                let wanted = &whole.row(top + r)[(left + 1) * 48..(left + columns - 1) * 48];
+                let found = &output.row(r)[48..(columns - 1) * 48];
+                assert!(wanted.iter().zip(found).all(|(a, b)| a.to_bits() == b.to_bits()), "{isa:?} row {r} of {top},{left}");
+            }
+        }
+    }
+}
+
+/// Joined inputs, one of them at half the resolution, give the bits of the joined image.
+#[test]
+fn joining_equals_the_joined_image() {
+    let mut noise = Noise(4);
+    for (coarse_channels, fine_channels, outputs, kernel) in [(96, 80, 80, 1), (32, 48, 48, 1), (7, 3, 20, 3)] {
+        let inputs = coarse_channels + fine_channels;
+        let case = Case::new(&mut noise, inputs, outputs, kernel, 1);
+        let coarse = noise.activation(6, 65, coarse_channels);
+        let fine = noise.activation(12, 130, fine_channels);
+        let mut joined = Activation::new(12, 130, inputs);
+        for r in 0..12 {
+            for (c, pixel) in joined.row_mut(r).chunks_exact_mut(inputs).enumerate() {
+                pixel[..coarse_channels].copy_from_slice(&coarse.row(r / 2)[c / 2 * coarse_channels..][..coarse_channels]);
+                pixel[coarse_channels..].copy_from_slice(&fine.row(r)[c * fine_channels..][..fine_channels]);
+            }
+        }
+        for isa in Isa::available() {
+            for relu_input in [false, true] {
+                let epilogue = Epilogue { relu_input, ..Epilogue::default() };
+                let (mut wanted, mut found) = (Activation::empty(), Activation::empty());
+                case.conv.run(isa, &joined, &mut wanted, epilogue);
+                let sources = [Source::upsampled(&coarse), Source::new(&fine)];
+                case.conv.run_concat(isa, &sources, &mut found, epilogue);
+                assert_eq!(bits(&found), bits(&wanted), "{isa:?} {inputs}→{outputs} relu {relu_input}");
+            }
+        }
+    }
+}
+
+#[test]
+fn adding_onto_the_output_equals_adding() {
+    let mut noise = Noise(5);
+    let case = Case::new(&mut noise, 32, 40, 3, 1);
+    let input = noise.activation(9, 30, 32);
+    let residual = noise.activation(9, 30, 40);
+    for isa in Isa::available() {
+        let mut wanted = Activation::empty();
+        case.conv.run(isa, &input, &mut wanted, Epilogue { add: Some(&residual), ..Epilogue::default() });
+        let mut found = residual.clone();
+        case.conv.run_onto(isa, &input, &mut found, Epilogue::default());
+        assert_eq!(bits(&found), bits(&wanted), "{isa:?}");
+    }
+}
+
+#[test]
+fn relu_takes_nan_and_minus_zero_to_zero() {
+    let mut weight = Array4::zeros((16, 17, 1, 1));
+    weight[[0, 16, 0, 0]] = 1.0;
+    weight[[1, 0, 0, 0]] = 1.0;
+    let conv = Conv::new(weight.view(), None, 1);
+    for (value, wanted) in [(f32::NAN, 0.0f32), (-0.0, 0.0), (-1.0, 0.0), (2.0, 2.0), (f32::INFINITY, f32::NAN)] {
+        let mut input = Activation::new(1, 1, 17);
+        input.as_mut_slice().fill(value);
+        for isa in Isa::available() {
+            let mut output = Activation::empty();
+            conv.run(isa, &input, &mut output, Epilogue { relu_input: true, ..Epilogue::default() });
+            let found = &output.as_slice()[..2];
+            assert!(
+                found.iter().all(|v| v.to_bits() == wanted.to_bits() || v.is_nan() && wanted.is_nan()),
+                "{isa:?} {value}: {found:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn an_empty_image_stays_empty() {
+    let conv = Conv::new(Array4::zeros((16, 4, 3, 3)).view(), None, 1);
+    let mut output = Activation::new(3, 3, 3);
+    conv.run(Isa::detect(), &Activation::new(0, 7, 4), &mut output, Epilogue::default());
+    assert_eq!(output.shape(), (0, 7, 16));
+}
