@@ -85,20 +85,32 @@ class Guides:
     depth: bool = True
 
 
-def prepare(shot: Shot, offsets: tuple[int, ...] = OFFSETS, guides: Guides = Guides(), epsilon: float = 0.05) -> dict[str, Tensor]:
-    """One shot's centre frame and neighbours as network tensors, without the batch dimension."""
+ALL_GUIDES = Guides()
+
+
+def prepare(
+    shot: Shot,
+    offsets: tuple[int, ...] = OFFSETS,
+    guides: Guides = ALL_GUIDES,
+    epsilon: float = 0.05,
+    valid: Tensor | None = None,
+) -> dict[str, Tensor]:
+    """One shot's centre frame and neighbours as network tensors, without the batch dimension.
+
+    valid (5, 1, H, W) in {0, 1} marks pixels that may be used; all where it is None.
+    """
     frames = (0, *offsets)
-    ones = torch.ones_like(shot.depth[0])
+    valid = torch.ones_like(shot.depth) if valid is None else valid
     inputs, demodulated, modulation, depths = {}, {}, {}, {}
     scale = {}
     for k in frames:
         i = CENTRE + k
-        scale[k] = exposure(shot.colour[i], ones[0])
+        scale[k] = exposure(shot.colour[i], valid[i, 0])
         albedo = shot.albedo[i].clamp(0, 1)
         modulation[k] = albedo + epsilon if guides.albedo else torch.ones_like(albedo)
         demodulated[k] = shot.colour[i].clamp_min(0) / modulation[k]
         depth = shot.depth[i]
-        depths[k] = torch.where((depth > 0) & (depth < 1e9), depth, 0.0) * depth_scale(depth) if guides.depth else torch.zeros_like(depth)
+        depths[k] = torch.where((depth > 0) & (depth < 1e9), depth, 0.0) * depth_scale(depth, valid[i]) if guides.depth else torch.zeros_like(depth)
         parts = (
             torch.log1p(demodulated[k] * scale[k]),
             albedo if guides.albedo else torch.zeros_like(albedo),
@@ -108,15 +120,15 @@ def prepare(shot: Shot, offsets: tuple[int, ...] = OFFSETS, guides: Guides = Gui
         inputs[k] = torch.cat(parts)
     vectors = {k - CENTRE: shot.vector[k] for k in range(shot.vector.shape[0])}
     around = [
-        neighbour(k, vectors, demodulated[k], modulation[k], depths[k], ones, (modulation[0], depths[0]), epsilon) for k in offsets
+        neighbour(k, vectors, demodulated[k], modulation[k], depths[k], valid[CENTRE + k], (modulation[0], depths[0])) for k in offsets
     ]
-    h, w = ones.shape[-2:]
+    h, w = valid.shape[-2:]
     pick = lambda name, empty: torch.stack([n[name] for n in around]) if around else torch.zeros(0, *empty)
     return {
         "inputs": torch.stack([inputs[k] for k in frames]),
         "colour": torch.cat((demodulated[0][None], pick("colour", (3, h, w)))),
         "albedo": torch.cat((modulation[0][None], pick("albedo", (3, h, w)))),
-        "valid": torch.cat((ones[None], pick("valid", (1, h, w)))),
+        "valid": torch.cat((valid[CENTRE][None], pick("valid", (1, h, w)))),
         "position": pick("position", (2, h // 2, w // 2)),
         "extras": pick("extras", (7, h // 2, w // 2)),
         "noisy": shot.colour[CENTRE].clamp_min(0),

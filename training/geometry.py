@@ -78,14 +78,14 @@ def exposure(colour: Tensor, valid: Tensor) -> float:
     return float(0.18 / torch.exp2(torch.log2(lit).mean()))
 
 
-def depth_scale(depth: Tensor) -> float:
-    """One over the mean of a frame's depths in front of the background (0 < depth < 1e9); 1 where there are none."""
-    front = depth[(depth > 0) & (depth < 1e9)]
+def depth_scale(depth: Tensor, valid: Tensor) -> float:
+    """One over the mean of a frame's valid depths in front of the background (0 < depth < 1e9); 1 where there are none."""
+    front = depth[(depth > 0) & (depth < 1e9) & (valid > 0)]
     return float(1.0 / front.mean()) if front.numel() else 1.0
 
 
 def neighbour(
-    offset: int, vectors: dict[int, Tensor], colour: Tensor, albedo: Tensor, depth: Tensor, valid: Tensor, centre: tuple[Tensor, Tensor], epsilon: float
+    offset: int, vectors: dict[int, Tensor], colour: Tensor, albedo: Tensor, depth: Tensor, valid: Tensor, centre: tuple[Tensor, Tensor]
 ) -> dict[str, Tensor]:
     """One neighbour, seen from the centre frame.
 

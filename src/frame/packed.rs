@@ -67,7 +67,7 @@ impl PackedFrame {
         frame.check()?;
         let (rows, columns) = frame.size();
         let (padded_rows, padded_columns) = (rows.next_multiple_of(ALIGNMENT), columns.next_multiple_of(ALIGNMENT));
-        let depth_scale = frame.depth.as_ref().map_or(0.0, |d| depth_scale(d.view()));
+        let depth_scale = frame.depth.as_ref().map_or(0.0, |d| depth_scale(d.view(), frame.colour.view()));
         let has_alpha = frame.alpha.is_some();
         let extra = usize::from(has_alpha) + 3 * frame.aovs.len();
         let mut groups = vec![vec![[0.0; 8]; padded_rows * padded_columns]; 1 + extra.div_ceil(8)];
@@ -139,9 +139,11 @@ fn front(z: f32) -> f32 {
     if z > 0.0 && z < BACKGROUND_DEPTH { z } else { 0.0 }
 }
 
-/// One over the mean of the depths in front of the background; 1 where there are none.
-fn depth_scale(depth: ArrayView2<f32>) -> f32 {
-    let (sum, count) = depth.iter().map(|z| front(*z)).filter(|z| *z > 0.0).fold((0.0f64, 0u64), |(s, n), z| (s + f64::from(z), n + 1));
+/// One over the mean of the depths in front of the background, where the colour is finite; 1 where there are none.
+fn depth_scale(depth: ArrayView2<f32>, colour: ArrayView3<f32>) -> f32 {
+    let finite = colour.lanes(ndarray::Axis(2));
+    let usable = ndarray::Zip::from(depth).and(finite).par_map_collect(|z, c| if c.iter().all(|v| v.is_finite()) { front(*z) } else { 0.0 });
+    let (sum, count) = usable.iter().filter(|z| **z > 0.0).fold((0.0f64, 0u64), |(s, n), z| (s + f64::from(*z), n + 1));
     if count == 0 { 1.0 } else { (count as f64 / sum) as f32 }
 }
 

@@ -1,1 +1,71 @@
-//! To be filled.
+//! Kernel application: predicted logits to weights, weights to pixels, on a pyramid of three levels.
+
+pub mod planes;
+pub mod pyramid;
+pub mod weigh;
+
+use crate::frame::packed::{INVALID, MODULATION};
+
+/// The 2×2 pixels of a half-resolution pixel, each a plane of its own at full resolution.
+pub const FULL_PHASES: usize = 4;
+
+/// Which channel of a level's planes is which: values (colour 3, then alpha and AOVs), the mask, and at full resolution the modulation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Channels {
+    /// Channels that the kernels filter.
+    pub values: usize,
+    /// Whether the first value after the colour is alpha.
+    pub alpha: bool,
+}
+
+impl Channels {
+    /// For a frame with `extra` channels besides its colour, the first of them alpha or not.
+    pub fn new(extra: usize, alpha: bool) -> Self {
+        Self { values: 3 + extra, alpha }
+    }
+
+    /// The channel that is 1 where a pixel may be used.
+    pub fn mask(&self) -> usize {
+        self.values
+    }
+
+    /// The first of three modulation channels, at full resolution only.
+    pub fn modulation(&self) -> usize {
+        self.values + 1
+    }
+
+    /// Channels at full resolution.
+    pub fn full(&self) -> usize {
+        self.values + 4
+    }
+
+    /// Channels at the coarser levels.
+    pub fn coarse(&self) -> usize {
+        self.values + 1
+    }
+
+    /// The modulation channel, 0 to 2, that a value is multiplied by at the end; none for alpha.
+    pub fn modulated_by(&self, channel: usize) -> Option<usize> {
+        let alpha = usize::from(self.alpha);
+        if channel < 3 {
+            Some(channel)
+        } else if channel < 3 + alpha {
+            None
+        } else {
+            Some((channel - 3 - alpha) % 3)
+        }
+    }
+
+    /// The group and lane of a packed frame that a full-resolution channel comes from.
+    pub fn source(&self, channel: usize) -> (usize, usize) {
+        if channel < 3 {
+            (0, channel)
+        } else if channel == self.mask() {
+            (0, INVALID)
+        } else if channel > self.mask() {
+            (0, MODULATION + channel - self.modulation())
+        } else {
+            (1 + (channel - 3) / 8, (channel - 3) % 8)
+        }
+    }
+}

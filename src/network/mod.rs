@@ -1,3 +1,12 @@
 //! The network: source encoder → warped neighbour features → temporal extractor → loss specialisation → kernel predictors.
 
+pub mod body;
+pub mod encoder;
+pub mod levels;
+pub mod pairs;
+pub mod predictor;
+pub mod residual;
+pub mod specialisation;
+pub mod temporal;
+pub mod warp;
 pub mod weights;

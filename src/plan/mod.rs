@@ -1,1 +1,3 @@
-//! To be filled.
+//! What is computed where: tiles, windows, and what a shot does not need.
+
+pub mod tiles;

@@ -1,0 +1,89 @@
+//! Agreement with the PyTorch model, stage by stage (`training/golden.py` writes the files).
+
+use std::collections::HashMap;
+
+use ndarray::{Array, ArrayD, ArrayView, Dimension, Ix3, Ix4, s};
+use safetensors::SafeTensors;
+
+use super::*;
+
+const MODEL: &[u8] = include_bytes!("../../tests/data/golden_model.safetensors");
+const CASES: &[u8] = include_bytes!("../../tests/data/golden_cases.safetensors");
+
+/// The largest difference allowed, relative to the stage's largest value.
+const TOLERANCE: f32 = 1e-4;
+
+struct Case(HashMap<String, ArrayD<f32>>);
+
+impl Case {
+    fn read(name: &str) -> Self {
+        let file = SafeTensors::deserialize(CASES).unwrap();
+        let mut out = HashMap::new();
+        for (key, view) in file.iter() {
+            if let Some(key) = key.strip_prefix(&format!("{name}.")) {
+                let values = view.data().as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+                out.insert(key.to_string(), ArrayD::from_shape_vec(view.shape(), values).unwrap());
+            }
+        }
+        assert!(!out.is_empty(), "no case {name}");
+        Self(out)
+    }
+
+    fn get<D: Dimension>(&self, key: &str) -> Array<f32, D> {
+        self.0[key].clone().into_dimensionality::<D>().unwrap()
+    }
+
+    /// The frame at an index, planes to (rows, columns, channels).
+    fn frame(&self, index: usize) -> Frame {
+        let image = |key: &str| self.get::<Ix4>(key).slice_move(s![index, .., .., ..]).permuted_axes([1, 2, 0]);
+        let mut frame = Frame::new(image("colour"));
+        frame.albedo = Some(image("albedo"));
+        frame.normal = Some(image("normal"));
+        frame.depth = Some(image("depth").slice_move(s![.., .., 0]));
+        frame.vector = Some(image("vector"));
+        frame
+    }
+}
+
+fn engine(isa: Isa, memory: Option<u64>) -> Engine {
+    let weights = Weights::from_bytes("golden", MODEL).unwrap();
+    Engine::from_weights(&weights, Settings { isa: Some(isa), memory }).unwrap()
+}
+
+/// Compares (rows, columns, channels) with PyTorch's (channels, rows, columns).
+fn compare(what: &str, found: ArrayView<f32, Ix3>, expected: Array<f32, Ix3>) {
+    let expected = expected.permuted_axes([1, 2, 0]);
+    let (rows, columns, _) = expected.dim();
+    let found = found.slice(s![..rows, ..columns, ..]);
+    let scale = expected.iter().fold(0.0f32, |m, v| m.max(v.abs()));
+    let worst = found.indexed_iter().map(|(i, v)| ((v - expected[i]).abs(), i)).fold((0.0, (0, 0, 0)), |a, b| if b.0 > a.0 { b } else { a });
+    assert_eq!(found.dim(), expected.dim(), "{what}");
+    assert!(worst.0 <= TOLERANCE * scale, "{what}: off by {} of {scale} at {:?}", worst.0, worst.1);
+}
+
+fn image_of(planes: &Planes) -> Array3<f32> {
+    Array3::from_shape_fn((planes.rows(), planes.columns(), 3), |(y, x, c)| planes.row(c, y)[x])
+}
+
+#[test]
+fn every_stage_agrees_with_pytorch_on_every_isa() {
+    for isa in Isa::available() {
+        let engine = engine(isa, None);
+        for name in ["window2", "odd", "window0", "uneven"] {
+            let case = Case::read(name);
+            let what = |stage: &str| format!("{name} {stage} on {isa:?}");
+            let frames: Vec<EncodedFrame> = (0..5).map(|i| engine.encode(case.frame(i)).unwrap()).collect();
+            let offsets: Vec<i32> = case.0["offsets"].iter().map(|o| *o as i32).filter(|o| *o != 0).collect();
+            let neighbours: Vec<(i32, &EncodedFrame)> = offsets.iter().map(|o| (*o, &frames[(2 + o) as usize])).collect();
+            let lambda = case.0["lambda"][0];
+            compare(&what("features"), frames[2].features.view(), case.get("features"));
+            let stages = engine.stages(&frames[2], &neighbours, lambda);
+            compare(&what("quarter features"), stages.quarter_features.view(), case.get("quarter_features"));
+            compare(&what("half features"), stages.half_features.view(), case.get("half_features"));
+            compare(&what("quarter"), image_of(&stages.quarter).view(), case.get("quarter"));
+            compare(&what("half"), image_of(&stages.half).view(), case.get("half"));
+            let denoised = engine.denoise(&frames[2], &neighbours, lambda).unwrap();
+            compare(&what("image"), denoised.colour.view(), case.get("image"));
+        }
+    }
+}

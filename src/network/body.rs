@@ -1,0 +1,73 @@
+//! The body: residual blocks at half, quarter and eighth resolution and back, then loss specialisation.
+
+use super::residual::Residual;
+use super::specialisation::Specialised;
+use super::weights::Weights;
+use crate::error::Result;
+use crate::simd::{Activation, Conv, Epilogue, Isa, Source};
+
+/// Layers between the temporal extractor and the kernel predictors.
+pub struct Body {
+    half_in: Vec<Residual>,
+    to_quarter: Conv,
+    quarter_in: Vec<Residual>,
+    to_eighth: Conv,
+    eighth: Vec<Residual>,
+    from_eighth: Specialised,
+    quarter_out: Residual,
+    from_quarter: Specialised,
+    half_out: Residual,
+}
+
+impl Body {
+    /// Takes the body's layers of the weights.
+    pub fn new(weights: &Weights) -> Result<Self> {
+        let a = &weights.architecture;
+        let blocks = |key: &str, count: usize, channels: usize| -> Result<Vec<Residual>> {
+            (0..count).map(|i| Residual::new(weights, &format!("{key}.{i}"), channels)).collect()
+        };
+        let stride = |key: &str, outputs: usize, inputs: usize| -> Result<Conv> {
+            let (w, b) = weights.conv(key, outputs, inputs, 3, true)?;
+            Ok(Conv::new(w.view(), b.as_ref().map(|b| b.view()), 2))
+        };
+        Ok(Self {
+            half_in: blocks("half_in", a.blocks_half, a.half)?,
+            to_quarter: stride("to_quarter", a.quarter, a.half)?,
+            quarter_in: blocks("quarter_in", a.blocks_quarter, a.quarter)?,
+            to_eighth: stride("to_eighth", a.eighth, a.quarter)?,
+            eighth: blocks("eighth", a.blocks_eighth, a.eighth)?,
+            from_eighth: Specialised::new(weights, "from_eighth", "lambda_quarter", a.quarter, a.eighth + a.quarter)?,
+            quarter_out: Residual::new(weights, "quarter_out", a.quarter)?,
+            from_quarter: Specialised::new(weights, "from_quarter", "lambda_half", a.half, a.quarter + a.half)?,
+            half_out: Residual::new(weights, "half_out", a.half)?,
+        })
+    }
+
+    /// Half-resolution pixels around a tile's core that its result depends on, `reach` of them for the kernels themselves.
+    pub fn halo(&self, reach: usize) -> usize {
+        let half = 2 * (self.half_in.len() + 1) + 1;
+        let quarter = 2 * (2 * (self.quarter_in.len() + 1) + 1);
+        let eighth = 4 * (2 * self.eighth.len() + 1);
+        reach + half + quarter + eighth
+    }
+
+    /// Half- and quarter-resolution features for a λ, from the temporal extractor's output, which is used up.
+    pub fn run(&self, isa: Isa, mut half: Activation, lambda: f32) -> (Activation, Activation) {
+        let mut scratch = Activation::empty();
+        self.half_in.iter().for_each(|block| block.run(isa, &mut half, &mut scratch));
+        let relu_input = Epilogue { relu_input: true, ..Default::default() };
+        let (mut quarter, mut eighth, mut small) = (Activation::empty(), Activation::empty(), Activation::empty());
+        self.to_quarter.run(isa, &half, &mut quarter, relu_input);
+        self.quarter_in.iter().for_each(|block| block.run(isa, &mut quarter, &mut small));
+        self.to_eighth.run(isa, &quarter, &mut eighth, relu_input);
+        self.eighth.iter().for_each(|block| block.run(isa, &mut eighth, &mut small));
+        let mut quarter_out = Activation::empty();
+        let inputs = [Source::upsampled(&eighth), Source::new(&quarter)];
+        self.from_eighth.at(lambda).run_concat(isa, &inputs, &mut quarter_out, Epilogue::default());
+        self.quarter_out.run(isa, &mut quarter_out, &mut quarter);
+        let inputs = [Source::upsampled(&quarter_out), Source::new(&half)];
+        self.from_quarter.at(lambda).run_concat(isa, &inputs, &mut scratch, Epilogue::default());
+        self.half_out.run(isa, &mut scratch, &mut half);
+        (scratch, quarter_out)
+    }
+}

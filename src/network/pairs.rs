@@ -1,0 +1,76 @@
+//! What the network knows of a neighbour at a pixel: its features warped to the centre frame, and the extras.
+
+use super::warp::{Corners, EXTRAS, Warped};
+use crate::plan::tiles::Rect;
+use crate::simd::Activation;
+use crate::simd::dense::SEGMENT;
+use crate::simd::lanes::Lanes;
+
+/// A neighbour in a region.
+#[derive(Clone, Copy)]
+pub struct Neighbour<'a> {
+    /// The neighbour's features over its whole frame.
+    pub features: &'a Activation,
+    pub warped: &'a Warped,
+}
+
+/// Copies 32 pixels of an image to [channel][32]; pixels past the row's end repeat its last. ReLU where asked.
+#[inline(always)]
+pub fn segment_of(row: &[f32], channels: usize, x: usize, relu: bool, out: &mut [f32]) {
+    let last = row.len() / channels - 1;
+    for p in 0..SEGMENT {
+        let from = &row[(x + p).min(last) * channels..][..channels];
+        for (c, v) in from.iter().enumerate() {
+            out[c * SEGMENT + p] = if relu { v.max(0.0) } else { *v };
+        }
+    }
+}
+
+/// [features + EXTRAS][32] of the neighbour at the region's half-resolution row `y`, columns `x`….
+#[inline(always)]
+pub fn gather<L: Lanes>(l: L, neighbour: Neighbour, region: Rect, y: usize, x: usize, out: &mut [f32]) {
+    let (rows, columns, channels) = neighbour.features.shape();
+    let features = neighbour.features.as_slice();
+    let mut block = [0.0; 16 * 16];
+    for part in (0..SEGMENT).step_by(16) {
+        let pixels: [usize; 16] = std::array::from_fn(|p| y * region.columns + (x + part + p).min(region.columns - 1));
+        let corners: [Corners; 16] = std::array::from_fn(|p| {
+            let [column, row] = neighbour.warped.position[pixels[p]];
+            Corners::new(column, row, rows, columns)
+        });
+        for first in (0..channels).step_by(16) {
+            for (p, corners) in corners.iter().enumerate() {
+                let mut sum = l.splat(0.0);
+                for (index, weight) in corners.index.iter().zip(corners.weight) {
+                    sum = l.fma(l.splat(weight), l.load(features, index * channels + first), sum);
+                }
+                l.store(sum, &mut block, p * 16);
+            }
+            for c in 0..16 {
+                let to = &mut out[(first + c) * SEGMENT + part..][..16];
+                for (p, to) in to.iter_mut().enumerate() {
+                    *to = block[p * 16 + c];
+                }
+            }
+        }
+        for (p, pixel) in pixels.iter().enumerate() {
+            for e in 0..EXTRAS {
+                out[(channels + e) * SEGMENT + part + p] = neighbour.warped.extras[pixel * EXTRAS + e];
+            }
+        }
+    }
+}
+
+/// [features + EXTRAS][32] at quarter resolution: 2×2 means of [`gather`]. `scratch` takes four times the size of `out`.
+#[inline(always)]
+pub fn gather_quarter<L: Lanes>(l: L, neighbour: Neighbour, region: Rect, y: usize, x: usize, scratch: &mut [f32], out: &mut [f32]) {
+    let size = out.len();
+    for (i, part) in scratch[..4 * size].chunks_exact_mut(size).enumerate() {
+        gather(l, neighbour, region, 2 * y + i / 2, 2 * x + i % 2 * SEGMENT, part);
+    }
+    for (i, to) in out.iter_mut().enumerate() {
+        let (c, p) = (i / SEGMENT, i % SEGMENT);
+        let at = p / 16 * size + c * SEGMENT + 2 * (p % 16);
+        *to = 0.25 * (scratch[at] + scratch[at + 1] + scratch[at + 2 * size] + scratch[at + 2 * size + 1]);
+    }
+}

@@ -1,0 +1,207 @@
+//! Neighbouring frames seen from the centre frame: chained motion vectors, trust, warped pixels (`training/geometry.py`).
+
+use rayon::prelude::*;
+
+use crate::frame::packed::{COLOUR, DEPTH, INVALID, MODULATION, PackedFrame};
+use crate::kernels::planes::Planes;
+use crate::kernels::{Channels, FULL_PHASES};
+use crate::plan::tiles::Rect;
+use crate::simd::Isa;
+use crate::simd::lanes::{Lanes, dispatch};
+
+/// A way back that misses its start by this many pixels is as bad as any.
+const AGREEMENT_LIMIT: f32 = 4.0;
+
+/// Maps that tell the network how far to trust a neighbour: trust, albedo 3, depth, agreement of vectors, distance in time.
+pub const EXTRAS: usize = 7;
+
+/// One neighbour, warped to the centre frame over a region.
+pub struct Warped {
+    /// Full resolution, four phases a channel: values, trust, modulation (see [`Channels`]).
+    pub planes: Planes,
+    /// Where the features of each half-resolution pixel are sampled: (column, row) in the neighbour, half resolution.
+    pub position: Vec<[f32; 2]>,
+    /// [half-resolution pixel][EXTRAS].
+    pub extras: Vec<f32>,
+}
+
+/// Where a pixel of the centre frame lies in a neighbour.
+#[derive(Clone, Copy)]
+struct Place {
+    column: f32,
+    row: f32,
+    trusted: bool,
+    miss: f32,
+}
+
+/// Frames from the centre to the neighbour, one step of motion each; `sign` is the direction in time.
+struct Path<'a> {
+    frames: &'a [&'a PackedFrame],
+    sign: f32,
+    rows: usize,
+    columns: usize,
+}
+
+impl Path<'_> {
+    /// One step from a position by the vectors of frame `k`, towards the neighbour (`out`) or home.
+    #[inline(always)]
+    fn advance(&self, k: usize, out: bool, column: f32, row: f32) -> (f32, f32) {
+        let Some(vectors) = &self.frames[k].vectors else { return (column, row) };
+        let x = ((column + 0.5).floor().max(0.0) as usize).min(self.columns - 1);
+        let y = ((row + 0.5).floor().max(0.0) as usize).min(self.rows - 1);
+        let [vx, vy, vz, vw] = vectors[y * self.columns + x];
+        let later = (self.sign > 0.0) == out;
+        if later { (column - vz, row + vw) } else { (column + vx, row - vy) }
+    }
+
+    #[inline(always)]
+    fn place(&self, y: usize, x: usize) -> Place {
+        let (mut column, mut row, mut trusted) = (x as f32, y as f32, true);
+        let steps = self.frames.len() - 1;
+        for k in 0..steps {
+            (column, row) = self.advance(k, true, column, row);
+            let across = column >= -0.5 && column <= self.columns as f32 - 0.5;
+            trusted &= across && row >= -0.5 && row <= self.rows as f32 - 0.5;
+        }
+        let (mut home_column, mut home_row) = (column, row);
+        for k in (1..=steps).rev() {
+            (home_column, home_row) = self.advance(k, false, home_column, home_row);
+        }
+        let (dx, dy) = ((home_column - x as f32).abs(), (home_row - y as f32).abs());
+        let miss = if dx.is_nan() || dy.is_nan() { AGREEMENT_LIMIT } else { dx.max(dy).min(AGREEMENT_LIMIT) };
+        let safe = |v: f32| if v.is_nan() { 0.0 } else { v };
+        Place { column: safe(column), row: safe(row), trusted, miss }
+    }
+}
+
+/// The four pixels around a position, clamped to the image, and their weights.
+pub struct Corners {
+    pub index: [usize; 4],
+    pub weight: [f32; 4],
+}
+
+impl Corners {
+    /// Bilinear corners of (column, row) in an image of `rows` × `columns`; indices count pixels, row-major.
+    #[inline(always)]
+    pub fn new(column: f32, row: f32, rows: usize, columns: usize) -> Self {
+        let x = column.clamp(0.0, (columns - 1) as f32);
+        let y = row.clamp(0.0, (rows - 1) as f32);
+        let (x0, y0) = (x as usize, y as usize);
+        let (fx, fy) = (x - x0 as f32, y - y0 as f32);
+        let (x1, y1) = ((x0 + 1).min(columns - 1), (y0 + 1).min(rows - 1));
+        Self {
+            index: [y0 * columns + x0, y0 * columns + x1, y1 * columns + x0, y1 * columns + x1],
+            weight: [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy],
+        }
+    }
+
+    #[inline(always)]
+    fn sample(&self, image: &[[f32; 8]]) -> [f32; 8] {
+        let mut out = [0.0; 8];
+        for (i, w) in self.index.iter().zip(self.weight) {
+            let lanes = &image[*i];
+            for c in 0..8 {
+                out[c] += w * lanes[c];
+            }
+        }
+        out
+    }
+}
+
+/// Warps the last frame of `frames` (centre first, one a step) to the centre frame over `region`. `offset` is the neighbour's.
+pub fn warp(isa: Isa, frames: &[&PackedFrame], offset: i32, region: Rect, channels: &Channels, margin: usize) -> Warped {
+    let centre = frames[0];
+    let path = Path { frames, sign: if offset > 0 { 1.0 } else { -1.0 }, rows: centre.padded_rows, columns: centre.padded_columns };
+    let mut planes = Planes::new(channels.full() * FULL_PHASES, region.rows, region.columns, margin);
+    let mut position = vec![[0.0; 2]; region.area()];
+    let mut extras = vec![0.0; region.area() * EXTRAS];
+    let distance = offset.unsigned_abs().min(2) as f32 / 2.0;
+    let positions = position.par_chunks_mut(region.columns);
+    let maps = extras.par_chunks_mut(region.columns * EXTRAS);
+    planes.rows_mut().zip(positions).zip(maps).enumerate().for_each(|(y, ((mut row, position), extras))| {
+        let mut pixels = vec![[0.0; 8]; 2 * region.columns * frames[0].groups.len()];
+        let mut maps = vec![[0.0; EXTRAS]; 2 * region.columns];
+        for dy in 0..2 {
+            warp_row(isa, &path, region, 2 * (region.row + y) + dy, &mut pixels, &mut maps, position);
+            for (x, from) in maps.iter().enumerate() {
+                let to = &mut extras[x / 2 * EXTRAS..][..EXTRAS];
+                to.iter_mut().zip(from).for_each(|(to, from)| *to += 0.25 * from);
+            }
+            for channel in 0..channels.full() {
+                let (group, lane) = channels.source(channel);
+                let trust = channel == channels.mask();
+                for dx in 0..2 {
+                    let to = row.plane(channel * FULL_PHASES + 2 * dy + dx);
+                    let from = pixels[group * 2 * region.columns..].iter().skip(dx).step_by(2);
+                    if trust {
+                        to.iter_mut().zip(maps.iter().skip(dx).step_by(2)).for_each(|(to, m)| *to = m[0]);
+                    } else {
+                        to.iter_mut().zip(from).for_each(|(to, p)| *to = p[lane]);
+                    }
+                }
+            }
+        }
+        extras.chunks_exact_mut(EXTRAS).for_each(|e| e[EXTRAS - 1] = distance);
+    });
+    Warped { planes, position, extras }
+}
+
+/// One full-resolution row: warped pixels of every group, the maps, and (from even rows) the half-resolution positions.
+#[inline(always)]
+fn warp_row_body<L: Lanes>(
+    _: L,
+    path: &Path,
+    region: Rect,
+    y: usize,
+    pixels: &mut [[f32; 8]],
+    maps: &mut [[f32; EXTRAS]],
+    position: &mut [[f32; 2]],
+) {
+    let neighbour = path.frames[path.frames.len() - 1];
+    let width = 2 * region.columns;
+    for (i, map) in maps.iter_mut().enumerate() {
+        let x = 2 * region.column + i;
+        let place = path.place(y, x);
+        let corners = Corners::new(place.column, place.row, path.rows, path.columns);
+        let mut sampled = corners.sample(&neighbour.groups[0]);
+        let trust = if place.trusted && sampled[INVALID] == 0.0 { 1.0 } else { 0.0 };
+        sampled.iter_mut().for_each(|v| *v *= trust);
+        let here = &path.frames[0].groups[0][y * path.columns + x];
+        let depth = ((sampled[DEPTH].ln_1p() - here[DEPTH].ln_1p()).abs()).min(1.0);
+        let albedo: [f32; 3] = std::array::from_fn(|c| (sampled[MODULATION + c] - here[MODULATION + c]).abs() * trust);
+        *map = [trust, albedo[0], albedo[1], albedo[2], depth * trust, place.miss / AGREEMENT_LIMIT * trust, 0.0];
+        pixels[i] = sampled;
+        for (group, image) in neighbour.groups.iter().enumerate().skip(1) {
+            let mut more = corners.sample(image);
+            more.iter_mut().for_each(|v| *v *= trust);
+            pixels[group * width + i] = more;
+        }
+        if y % 2 == 0 && i % 2 == 0 {
+            let half = ((region.column + i / 2) as f32, (y / 2) as f32);
+            position[i / 2] = [half.0 + (place.column - x as f32) * 0.5, half.1 + (place.row - y as f32) * 0.5];
+        }
+    }
+}
+
+dispatch! {
+    fn warp_row(path: &Path, region: Rect, y: usize, pixels: &mut [[f32; 8]], maps: &mut [[f32; EXTRAS]], position: &mut [[f32; 2]]) = warp_row_body
+}
+
+/// The centre frame's own planes over a region, in the layout of [`Warped::planes`].
+pub fn centre_planes(frame: &PackedFrame, region: Rect, channels: &Channels, margin: usize) -> Planes {
+    let mut planes = Planes::new(channels.full() * FULL_PHASES, region.rows, region.columns, margin);
+    planes.rows_mut().enumerate().for_each(|(y, mut row)| {
+        for channel in 0..channels.full() {
+            let (group, lane) = channels.source(channel);
+            let mask = channel == channels.mask();
+            for phase in 0..FULL_PHASES {
+                let start = (2 * (region.row + y) + phase / 2) * frame.padded_columns + 2 * region.column + phase % 2;
+                let from = frame.groups[group][start..].iter().step_by(2);
+                let to = row.plane(channel * FULL_PHASES + phase);
+                to.iter_mut().zip(from).for_each(|(to, p)| *to = if mask { 1.0 - p[INVALID] } else { p[lane] });
+            }
+        }
+    });
+    debug_assert!(COLOUR == 0);
+    planes
+}

@@ -1,0 +1,86 @@
+"""Writes what holds the Rust network and this one together: a small random model, inputs and every stage's output.
+
+    python golden.py ../tests/data
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import torch
+import torch.nn.functional as F
+from data import CENTRE, Shot, prepare
+from model import Architecture, Hush
+from safetensors.torch import save_file
+from torch import Tensor
+
+SMALL = Architecture(
+    features=16, half=32, quarter=48, eighth=16, blocks_half=1, blocks_quarter=1, blocks_eighth=2, pair=16, lambda_hidden=4,
+    centre_taps=5, neighbour_taps=3, coarse_taps=3, albedo_taps=3,
+)  # fmt: skip
+
+
+def padded(image: Tensor, rows: int, columns: int) -> Tensor:
+    """Repeats the last row and column up to a size."""
+    h, w = image.shape[-2:]
+    flat = image.reshape(1, -1, h, w)
+    return F.pad(flat, (0, columns - w, 0, rows - h), mode="replicate").reshape(*image.shape[:-2], rows, columns)
+
+
+def random_shot(rows: int, columns: int, generator: torch.Generator) -> tuple[Shot, Tensor]:
+    """Five frames of noise over smooth shapes, with bad pixels; returns the padded shot and which pixels are valid."""
+    rand = lambda *s: torch.rand(*s, generator=generator)
+    smooth = lambda c: F.interpolate(rand(5, c, 3, 4), size=(rows, columns), mode="bilinear", align_corners=True)
+    colour = smooth(3) * 2.0 * (0.3 + rand(5, 3, rows, columns)) * torch.exp2(rand(5, 1, 1, 1) * 4 - 2)
+    shot = Shot(0, 1, colour, smooth(3), smooth(3) * 2 - 1, smooth(1) * 9 - 2, (smooth(4) - 0.5) * 9, colour[0])
+    valid = torch.ones(5, 1, rows, columns)
+    valid[:, :, rows // 2, columns // 3] = 0
+    valid[1, :, 0, 0] = 0
+    shot.colour = shot.colour * valid
+    up = lambda n: -(-n // 8) * 8
+    pad = lambda x: padded(x, up(rows), up(columns))
+    whole = Shot(0, 1, pad(shot.colour), pad(shot.albedo), pad(shot.normal), pad(shot.depth), pad(shot.vector), colour[0])
+    return whole, F.pad(valid, (0, up(columns) - columns, 0, up(rows) - rows))
+
+
+@torch.no_grad()
+def main() -> None:
+    out = Path(sys.argv[1])
+    generator = torch.Generator().manual_seed(7)
+    net = Hush(SMALL)
+    tensors = {k: torch.randn(v.shape, generator=generator) * (0.7 / max(1, v[0].numel()) ** 0.5 if v.dim() > 1 else 0.1) for k, v in net.state_dict().items()}
+    net.load_state_dict(tensors)
+    net.eval()
+    header = {"hush.architecture": json.dumps(SMALL.header(), separators=(",", ":")), "hush.training": "random"}
+    save_file(tensors, out / "golden_model.safetensors", metadata=header)
+    cases: dict[str, Tensor] = {}
+    for name, rows, columns, offsets, lam in (
+        ("window2", 32, 48, (-1, 1, -2, 2), 1.0),
+        ("odd", 19, 45, (-1, 1, -2, 2), 8.0),
+        ("window0", 24, 40, (), 3.0),
+        ("uneven", 16, 72, (1, 2), 64.0),
+    ):
+        shot, valid = random_shot(rows, columns, generator)
+        batch = {k: v[None] for k, v in prepare(shot, offsets, valid=valid).items()}
+        stages: dict[str, Tensor] = {}
+        net.encoder.register_forward_hook(lambda m, i, o: stages.__setitem__("features", o[0]))
+        net.half_out.register_forward_hook(lambda m, i, o: stages.__setitem__("half_features", o[0]))
+        net.quarter_out.register_forward_hook(lambda m, i, o: stages.__setitem__("quarter_features", o[0]))
+        result = net(batch, torch.tensor([lam]))
+        crop = lambda x, scale=1: x[..., : -(-rows // scale), : -(-columns // scale)].contiguous()
+        nan = torch.where(valid > 0, 0.0, float("nan"))
+        case = {
+            "colour": crop(shot.colour + nan), "albedo": crop(shot.albedo), "normal": crop(shot.normal), "depth": crop(shot.depth),
+            "vector": crop(shot.vector), "lambda": torch.tensor([lam]), "offsets": torch.tensor(offsets or [0]),
+            "features": stages["features"], "half_features": stages["half_features"], "quarter_features": stages["quarter_features"],
+            "quarter": crop(result["quarter"][0], 4), "half": crop(result["half"][0], 2), "image": crop(result["image"][0]),
+            "centre": torch.tensor([CENTRE]),
+        }  # fmt: skip
+        cases |= {f"{name}.{k}": v.float().contiguous() for k, v in case.items()}
+    save_file(cases, out / "golden_cases.safetensors")
+
+
+if __name__ == "__main__":
+    main()
