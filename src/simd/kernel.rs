@@ -190,68 +190,122 @@ impl Tiled for super::vector::Avx512 {
 #[inline(always)]
 unsafe fn sweep<V: Vector, const PX: usize, const NV: usize>(layer: &Layer, block: &Block, first: usize, strip: Strip) {
     let channel = block.channel + first;
-    let valid = layer.outputs - channel;
+    let valid = (layer.outputs - channel).min(NV * V::LANES);
     let weights = layer.weights[block.weights + first..].as_ptr();
-    let step = block.groups * GROUP;
     let bias = layer.bias[channel..][..NV * V::LANES].as_ptr();
-    let run = layer.kernel * layer.inputs;
     for x in (0..strip.pixels).step_by(PX) {
-        // SAFETY: x lies in the strip; weights hold kernel · run · step floats from the block on.
+        let pixels = (strip.pixels - x).min(PX);
+        // SAFETY: x lies in the strip; weights hold kernel² · inputs taps from the block on.
         unsafe {
-            let mut sums = [[V::load(bias); NV]; PX];
-            for sum in &mut sums {
-                for (v, lane) in sum.iter_mut().enumerate() {
-                    *lane = V::load(bias.add(v * V::LANES));
-                }
-            }
-            let mut weight = weights;
-            for ky in 0..layer.kernel {
-                let mut input = strip.input.add(ky * strip.input_row + x * strip.input_pixel);
-                for _ in 0..run {
-                    let mut w = [V::load(weight); NV];
-                    for (v, w) in w.iter_mut().enumerate().skip(1) {
-                        *w = V::load(weight.add(v * V::LANES));
-                    }
-                    for p in 0..PX {
-                        let value = V::broadcast(input.add(p * strip.input_pixel));
-                        for v in 0..NV {
-                            sums[p][v] = sums[p][v].fma(value, w[v]);
-                        }
-                    }
-                    input = input.add(1);
-                    weight = weight.wrapping_add(step);
-                }
-            }
-            for (p, sum) in sums.iter().enumerate() {
-                if x + p < strip.pixels {
-                    finish::<V, NV>(layer, sum, strip, (x + p) * layer.outputs + channel, valid);
-                }
+            let sums = sums::<V, PX, NV>(layer, strip, x, bias, weights, block.groups * GROUP);
+            let at = x * layer.outputs + channel;
+            if pixels == PX && valid == NV * V::LANES {
+                finish(layer, sums, strip, at);
+            } else {
+                finish_part(layer, sums, strip, at, pixels, valid);
             }
         }
     }
 }
 
-/// Adds the residual, applies ReLU and stores one pixel's vectors, the first `valid` channels of them.
+/// The convolution itself, for the strip's pixels from `x` on. `step` is the number of weights of a tap.
 #[inline(always)]
-unsafe fn finish<V: Vector, const NV: usize>(layer: &Layer, sums: &[V; NV], strip: Strip, offset: usize, valid: usize) {
-    for (v, sum) in sums.iter().enumerate() {
-        let count = valid.saturating_sub(v * V::LANES).min(V::LANES);
-        let at = offset + v * V::LANES;
-        let mut sum = *sum;
-        // SAFETY: `count` channels of this pixel from `at` on lie in the strip's output and residual.
-        unsafe {
-            if !strip.add.is_null() && count > 0 {
-                let add = strip.add.wrapping_add(at);
-                sum = sum.add(if count == V::LANES { V::load(add) } else { V::load_first(add, count) });
+unsafe fn sums<V: Vector, const PX: usize, const NV: usize>(
+    layer: &Layer,
+    strip: Strip,
+    x: usize,
+    bias: *const f32,
+    weights: *const f32,
+    step: usize,
+) -> [[V; NV]; PX] {
+    // SAFETY: the promise of `sweep`.
+    unsafe {
+        let mut sums = [[V::load(bias); NV]; PX];
+        for sum in &mut sums {
+            for v in 1..NV {
+                sum[v] = V::load(bias.add(v * V::LANES));
             }
-            if layer.relu_output {
-                sum = sum.relu();
+        }
+        let mut weight = weights;
+        for ky in 0..layer.kernel {
+            let mut input = strip.input.add(ky * strip.input_row + x * strip.input_pixel);
+            // kx and ci are one run of neighbours in memory.
+            for _ in 0..layer.kernel * layer.inputs {
+                let mut w = [V::load(weight); NV];
+                for v in 1..NV {
+                    w[v] = V::load(weight.add(v * V::LANES));
+                }
+                for p in 0..PX {
+                    let value = V::broadcast(input.add(p * strip.input_pixel));
+                    for v in 0..NV {
+                        sums[p][v] = sums[p][v].fma(value, w[v]);
+                    }
+                }
+                input = input.add(1);
+                weight = weight.wrapping_add(step);
             }
-            let to = strip.output.wrapping_add(at);
-            if count == V::LANES {
-                sum.store(to);
-            } else if count > 0 {
-                sum.store_first(to, count);
+        }
+        sums
+    }
+}
+
+/// Adds the residual, applies ReLU and stores a whole register tile. Short loops, which unroll, keep the sums in registers.
+#[inline(always)]
+unsafe fn finish<V: Vector, const PX: usize, const NV: usize>(layer: &Layer, mut sums: [[V; NV]; PX], strip: Strip, at: usize) {
+    // SAFETY: PX pixels of NV vectors from `at` on lie in the strip's output and residual.
+    unsafe {
+        if !strip.add.is_null() {
+            for p in 0..PX {
+                for v in 0..NV {
+                    sums[p][v] = sums[p][v].add(V::load(strip.add.add(at + p * layer.outputs + v * V::LANES)));
+                }
+            }
+        }
+        if layer.relu_output {
+            for p in 0..PX {
+                for v in 0..NV {
+                    sums[p][v] = sums[p][v].relu();
+                }
+            }
+        }
+        for p in 0..PX {
+            for v in 0..NV {
+                sums[p][v].store(strip.output.add(at + p * layer.outputs + v * V::LANES));
+            }
+        }
+    }
+}
+
+/// As `finish`, for the first `pixels` pixels and their first `valid` channels.
+#[inline(always)]
+unsafe fn finish_part<V: Vector, const PX: usize, const NV: usize>(
+    layer: &Layer,
+    sums: [[V; NV]; PX],
+    strip: Strip,
+    at: usize,
+    pixels: usize,
+    valid: usize,
+) {
+    // Through memory, as indexing registers is not possible.
+    let mut spilled = [0.0; PIXELS_MAX * GROUP];
+    // SAFETY: PX · NV vectors fit into `spilled`; `pixels` pixels of `valid` channels from `at` on into output and residual.
+    unsafe {
+        for p in 0..PX {
+            for v in 0..NV {
+                sums[p][v].store(spilled.as_mut_ptr().add((p * NV + v) * V::LANES));
+            }
+        }
+        for p in 0..pixels {
+            for c in (0..valid).step_by(V::LANES) {
+                let count = (valid - c).min(V::LANES);
+                let mut sum = V::load(spilled.as_ptr().add(p * NV * V::LANES + c));
+                if !strip.add.is_null() {
+                    sum = sum.add(V::load_first(strip.add.add(at + p * layer.outputs + c), count));
+                }
+                if layer.relu_output {
+                    sum = sum.relu();
+                }
+                sum.store_first(strip.output.add(at + p * layer.outputs + c), count);
             }
         }
     }
