@@ -43,7 +43,7 @@ fn main() {
         for isa in Isa::available().into_iter().rev() {
             for threads in 1..=std::thread::available_parallelism().map_or(1, usize::from).min(2) {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a thread pool");
-                let epilogue = Epilogue { relu_input: true, ..Epilogue::default() };
+                let epilogue = Epilogue { relu_input: kernel == 3, ..Epilogue::default() };
                 let seconds = pool.install(|| fastest(|| conv.run(isa, &input, &mut output, epilogue)));
                 let (giga, bandwidth) = (flops / seconds / 1e9, bytes / seconds / 1e9);
                 println!("{name:<22} {:>8} {threads:>8} {:>9.2} {giga:>9.1} {bandwidth:>7.1}", isa.name(), seconds * 1e3);
