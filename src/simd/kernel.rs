@@ -15,6 +15,8 @@ pub(super) const PIXELS_MAX: usize = 24;
 pub(super) struct Strip {
     /// In the order in which they are summed.
     pub segments: [Segment; Self::SEGMENTS],
+    /// The segments lie in the sources, not in a packed tile.
+    pub in_place: bool,
     pub output: *mut f32,
     /// Null for nothing to add.
     pub add: *const f32,
@@ -32,7 +34,7 @@ pub(super) struct Segment {
     pub input: *const f32,
     /// Floats between the runs of neighbouring pixels.
     pub pixel: usize,
-    /// Two neighbouring pixels share a run; the first pixel is an even one.
+    /// Two neighbouring pixels share a run; the first pixel is an even one. Only in place.
     pub halved: bool,
     pub run: usize,
 }
@@ -88,6 +90,22 @@ impl Kernel for super::vector::Avx512 {
 /// Output channels `first`.. of `block`, NV vectors of them, for every pixel of the strip.
 #[inline(always)]
 unsafe fn sweep<V: Vector, const PX: usize, const NV: usize>(layer: &Layer, block: &Block, first: usize, strip: Strip) {
+    // SAFETY: the caller's promise.
+    unsafe {
+        match strip.in_place {
+            true => sweep_from::<V, PX, NV, true>(layer, block, first, strip),
+            false => sweep_from::<V, PX, NV, false>(layer, block, first, strip),
+        }
+    }
+}
+
+#[inline(always)]
+unsafe fn sweep_from<V: Vector, const PX: usize, const NV: usize, const IN_PLACE: bool>(
+    layer: &Layer,
+    block: &Block,
+    first: usize,
+    strip: Strip,
+) {
     const { assert!(PX <= PIXELS_MAX && PIXELS_MAX % PX == 0 && PX % 2 == 0) };
     let channel = block.channel + first;
     let valid = (layer.outputs - channel).min(NV * V::LANES);
@@ -97,7 +115,7 @@ unsafe fn sweep<V: Vector, const PX: usize, const NV: usize>(layer: &Layer, bloc
         let pixels = (strip.pixels - x).min(PX);
         // SAFETY: x lies in the strip; weights hold a tap of block.groups · 16 floats for each input of the segments.
         unsafe {
-            let sums = sums::<V, PX, NV>(&strip.segments, x, bias, weights, block.groups * GROUP);
+            let sums = sums::<V, PX, NV, IN_PLACE>(&strip.segments, x, bias, weights, block.groups * GROUP);
             let at = x * layer.outputs + channel;
             if pixels == PX && valid == NV * V::LANES {
                 finish(layer, sums, strip, at);
@@ -110,7 +128,7 @@ unsafe fn sweep<V: Vector, const PX: usize, const NV: usize>(layer: &Layer, bloc
 
 /// The convolution itself, for the strip's pixels from `x` on. `step` is the number of weights of a tap.
 #[inline(always)]
-unsafe fn sums<V: Vector, const PX: usize, const NV: usize>(
+unsafe fn sums<V: Vector, const PX: usize, const NV: usize, const IN_PLACE: bool>(
     segments: &[Segment; Strip::SEGMENTS],
     x: usize,
     bias: *const f32,
@@ -127,8 +145,9 @@ unsafe fn sums<V: Vector, const PX: usize, const NV: usize>(
         }
         let mut weight = weights;
         for segment in segments {
-            let shift = u32::from(segment.halved);
+            let shift = u32::from(IN_PLACE && segment.halved);
             let mut input = segment.input.wrapping_add((x >> shift) * segment.pixel);
+            let mut ahead = input.wrapping_add((PX >> shift) * segment.pixel);
             for _ in 0..segment.run {
                 let mut w = [V::load(weight); NV];
                 for v in 1..NV {
@@ -139,6 +158,11 @@ unsafe fn sums<V: Vector, const PX: usize, const NV: usize>(
                     for v in 0..NV {
                         sums[p][v] = sums[p][v].fma(value, w[v]);
                     }
+                }
+                if IN_PLACE {
+                    // The next PX pixels come from afar; their strided reads fool the hardware's prefetcher.
+                    V::prefetch(ahead);
+                    ahead = ahead.wrapping_add(PX >> shift);
                 }
                 input = input.add(1);
                 weight = weight.wrapping_add(step);

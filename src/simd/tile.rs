@@ -45,19 +45,19 @@ pub(super) struct Layer<'a> {
 impl Layer<'_> {
     /// Output rows that a thread takes at a time.
     pub fn tile_rows(&self, rows: usize, threads: usize) -> usize {
-        let line = (TILE_COLUMNS.min(self.columns) * self.stride + self.kernel) * self.inputs * size_of::<f32>();
+        let line = (self.tile_columns() * self.stride + self.kernel) * self.inputs * size_of::<f32>();
         let fitting = (TILE_BYTES / line.max(1)).saturating_sub(self.kernel - 1) / self.stride;
         fitting.clamp(1, TILE_ROWS).min(rows.div_ceil(threads)).max(1)
     }
 
     /// Columns of a tile: even shares of the width, in whole register tiles (so each tile starts at an even column).
     fn tile_columns(&self) -> usize {
-        let tiles = self.columns.div_ceil(TILE_COLUMNS).max(1);
+        let tiles = if self.in_place() { 1 } else { self.columns.div_ceil(TILE_COLUMNS) };
         self.columns.div_ceil(tiles).next_multiple_of(PIXELS_MAX)
     }
 
     /// Whether the kernel can read the sources where they lie.
-    fn direct(&self) -> bool {
+    fn in_place(&self) -> bool {
         self.kernel == 1 && self.stride == 1 && !self.relu_input && self.sources.len() <= Strip::SEGMENTS
     }
 }
@@ -101,7 +101,7 @@ fn tiles<V: Kernel>(layer: &Layer, row: usize, output: &mut [f32], scratch: &mut
     for column in (0..layer.columns).step_by(tile_columns) {
         let pixels = tile_columns.min(layer.columns - column);
         let tile = Tile { row, column, rows, pixels };
-        if !layer.direct() {
+        if !layer.in_place() {
             pack::<V>(layer.sources, layer.relu_input, tile.window(layer), scratch, PIXELS_MAX * layer.stride);
         }
         for block in layer.blocks {
@@ -113,8 +113,9 @@ fn tiles<V: Kernel>(layer: &Layer, row: usize, output: &mut [f32], scratch: &mut
                     None if layer.add_output => to.cast_const(),
                     None => std::ptr::null(),
                 };
-                let mut strip = Strip { segments: [Segment::EMPTY; Strip::SEGMENTS], output: to, add, pixels };
-                if layer.direct() {
+                let in_place = layer.in_place();
+                let mut strip = Strip { segments: [Segment::EMPTY; Strip::SEGMENTS], in_place, output: to, add, pixels };
+                if in_place {
                     tile.source_segments(layer, r, &mut strip.segments);
                 } else {
                     tile.packed_segments(layer, r, scratch.as_slice(), &mut strip.segments);
