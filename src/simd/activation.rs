@@ -3,6 +3,7 @@
 use ndarray::ArrayView3;
 
 use super::buffer::Buffer;
+use super::kernel::PIXELS_MAX;
 
 /// f32 values \[row\]\[column\]\[channel\], contiguous, on a 64-byte boundary.
 #[derive(Clone)]
@@ -10,6 +11,7 @@ pub struct Activation {
     rows: usize,
     columns: usize,
     channels: usize,
+    /// The pixels, then room for PIXELS_MAX more, which the kernel may read.
     data: Buffer,
 }
 
@@ -60,11 +62,12 @@ impl Activation {
     }
 
     pub fn as_slice(&self) -> &[f32] {
-        self.data.as_slice()
+        &self.data.as_slice()[..self.rows * self.columns * self.channels]
     }
 
     pub fn as_mut_slice(&mut self) -> &mut [f32] {
-        self.data.as_mut_slice()
+        let len = self.rows * self.columns * self.channels;
+        &mut self.data.as_mut_slice()[..len]
     }
 
     /// As an array (rows, columns, channels).
@@ -72,8 +75,15 @@ impl Activation {
         ArrayView3::from_shape(self.shape(), self.as_slice()).expect("the buffer is as long as the shape says")
     }
 
+    /// Everything from a pixel on, PIXELS_MAX unspecified pixels after the last included.
+    pub(super) fn from_pixel(&self, row: usize, column: usize) -> &[f32] {
+        &self.data.as_slice()[(row * self.columns + column) * self.channels..]
+    }
+
+    /// Floats that an image takes with the spare pixels.
     fn size(rows: usize, columns: usize, channels: usize) -> usize {
-        rows.checked_mul(columns).and_then(|n| n.checked_mul(channels)).expect("an image of more values than can be counted")
+        let pixels = rows.checked_mul(columns).and_then(|n| n.checked_add(PIXELS_MAX));
+        pixels.and_then(|n| n.checked_mul(channels)).expect("an image of more values than can be counted")
     }
 }
 

@@ -9,8 +9,9 @@ use rayon::prelude::*;
 use super::activation::Activation;
 use super::buffer::Buffer;
 use super::isa::Isa;
-use super::kernel::{Block, GROUP, Layer, rows};
+use super::kernel::GROUP;
 use super::pack::Source;
+use super::tile::{Block, Layer, rows};
 
 /// Groups of 16 output channels in the widest block: 3 × 8 pixels fill the registers best.
 const BLOCK_GROUPS: usize = 3;

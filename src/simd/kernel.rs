@@ -1,155 +1,56 @@
-//! The inner loops: a register tile of PX pixels × NV vectors of output channels, swept over a tile of the image.
+//! The inner loops: a register tile of PX pixels × NV vectors of output channels, swept along a strip of pixels.
 //!
 //! Each output value is one chain: bias, then ky, kx and ci in that order, one FMA each, whatever tile it falls into.
 
-use super::isa::Isa;
-use super::pack::{Source, Window, pack};
+use super::tile::{Block, Layer};
 use super::vector::{Portable, Vector};
 
 /// Output channels in one vector group; weights are packed in blocks of a few groups.
 pub(super) const GROUP: usize = 16;
-/// The widest register tile in pixels: how far past a tile the kernel may read.
-const PIXELS_MAX: usize = 24;
-/// Output columns in a tile at most, a multiple of every register tile.
-const TILE_COLUMNS: usize = 120;
-/// What a packed input tile may take, so that it stays in L2 beside the weights.
-const TILE_BYTES: usize = 400 << 10;
-/// Output rows in a tile at most.
-const TILE_ROWS: usize = 8;
-
-/// One block of output channels: `groups` × 16 of them from `channel` on.
-pub(super) struct Block {
-    pub channel: usize,
-    pub groups: usize,
-    /// Offset of its weights, [ky][kx][ci][16 · groups], in `Layer::weights`.
-    pub weights: usize,
-}
-
-/// What one run of a convolution needs to know.
-pub(super) struct Layer<'a> {
-    pub weights: &'a [f32],
-    /// Padded to whole groups.
-    pub bias: &'a [f32],
-    pub blocks: &'a [Block],
-    pub kernel: usize,
-    pub stride: usize,
-    pub inputs: usize,
-    pub outputs: usize,
-    pub sources: &'a [Source<'a>],
-    pub relu_input: bool,
-    pub relu_output: bool,
-    /// All rows of the output's width.
-    pub add: Option<&'a [f32]>,
-    /// Add what the output already holds.
-    pub add_output: bool,
-    /// Columns of the output.
-    pub columns: usize,
-}
-
-impl Layer<'_> {
-    /// Output rows that a thread takes at a time.
-    pub fn tile_rows(&self, rows: usize, threads: usize) -> usize {
-        let line = (TILE_COLUMNS.min(self.columns) * self.stride + self.kernel) * self.inputs * size_of::<f32>();
-        let fitting = (TILE_BYTES / line.max(1)).saturating_sub(self.kernel - 1) / self.stride;
-        fitting.clamp(1, TILE_ROWS).min(rows.div_ceil(threads)).max(1)
-    }
-
-    /// Columns of a tile: even shares of the width, in whole register tiles.
-    fn tile_columns(&self) -> usize {
-        let tiles = self.columns.div_ceil(TILE_COLUMNS).max(1);
-        self.columns.div_ceil(tiles).next_multiple_of(PIXELS_MAX)
-    }
-}
-
-/// Computes output rows from `row` on into `output`, whole rows of columns × outputs values. `scratch` is for reuse.
-pub(super) fn rows(isa: Isa, layer: &Layer, row: usize, output: &mut [f32], scratch: &mut super::buffer::Buffer) {
-    match isa.supported() {
-        Isa::Portable => tiles::<Portable>(layer, row, output, scratch),
-        // SAFETY: `supported` has found the instructions on this CPU.
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx2 => unsafe { x86::rows_avx2(layer, row, output, scratch) },
-        // SAFETY: as above.
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx512 => unsafe { x86::rows_avx512(layer, row, output, scratch) },
-        #[cfg(not(target_arch = "x86_64"))]
-        _ => tiles::<Portable>(layer, row, output, scratch),
-    }
-}
-
-#[cfg(target_arch = "x86_64")]
-mod x86 {
-    use super::super::buffer::Buffer;
-    use super::super::vector::{Avx2, Avx512};
-    use super::{Layer, tiles};
-
-    #[target_feature(enable = "avx2,fma")]
-    pub fn rows_avx2(layer: &Layer, row: usize, output: &mut [f32], scratch: &mut Buffer) {
-        tiles::<Avx2>(layer, row, output, scratch);
-    }
-
-    #[target_feature(enable = "avx512f")]
-    pub fn rows_avx512(layer: &Layer, row: usize, output: &mut [f32], scratch: &mut Buffer) {
-        tiles::<Avx512>(layer, row, output, scratch);
-    }
-}
+/// The widest register tile in pixels, a multiple of the others: how far past a strip the kernel may read.
+pub(super) const PIXELS_MAX: usize = 24;
 
 /// One strip of output pixels: where the kernel reads and writes.
 #[derive(Clone, Copy)]
-struct Strip {
-    /// Packed input of the strip's first pixel at ky = kx = 0.
-    input: *const f32,
-    /// Floats between packed rows.
-    input_row: usize,
-    /// Floats between the inputs of neighbouring output pixels.
-    input_pixel: usize,
-    output: *mut f32,
-    add: *const f32,
-    pixels: usize,
+pub(super) struct Strip {
+    /// In the order in which they are summed.
+    pub segments: [Segment; Self::SEGMENTS],
+    /// The segments lie in the sources, not in a packed tile.
+    pub in_place: bool,
+    pub output: *mut f32,
+    /// Null for nothing to add.
+    pub add: *const f32,
+    pub pixels: usize,
 }
 
-#[inline(always)]
-fn tiles<V: Tiled>(layer: &Layer, row: usize, output: &mut [f32], scratch: &mut super::buffer::Buffer) {
-    let width = layer.columns * layer.outputs;
-    let rows = output.len().checked_div(width).unwrap_or(0);
-    let (kernel, stride, tile_columns) = (layer.kernel, layer.stride, layer.tile_columns());
-    for column in (0..layer.columns).step_by(tile_columns) {
-        let pixels = tile_columns.min(layer.columns - column);
-        let window = Window {
-            row: (row * stride) as isize - (kernel / 2) as isize,
-            column: (column * stride) as isize - (kernel / 2) as isize,
-            rows: (rows - 1) * stride + kernel,
-            columns: (pixels - 1) * stride + kernel,
-        };
-        let input_row = window.columns * layer.inputs;
-        scratch.reset(window.rows * input_row + PIXELS_MAX * stride * layer.inputs);
-        pack::<V>(layer.sources, layer.relu_input, window, scratch.as_mut_slice());
-        for block in layer.blocks {
-            for r in 0..rows {
-                let offset = r * width + column * layer.outputs;
-                let to = output[offset..][..pixels * layer.outputs].as_mut_ptr();
-                let add = match layer.add {
-                    Some(add) => add[(row + r) * width + column * layer.outputs..][..pixels * layer.outputs].as_ptr(),
-                    None if layer.add_output => to.cast_const(),
-                    None => std::ptr::null(),
-                };
-                let input = scratch.as_slice()[r * stride * input_row..].as_ptr();
-                let strip = Strip { input, input_row, input_pixel: stride * layer.inputs, output: to, add, pixels };
-                // SAFETY: the strip lies in the packed tile, which is PIXELS_MAX pixels longer than it needs to be, and in
-                // `pixels` pixels of output (and add); V's instructions are there because the caller chose V.
-                unsafe { V::sweep(layer, block, strip) }
-            }
-        }
-    }
+impl Strip {
+    pub const SEGMENTS: usize = 3;
+}
+
+/// A run of inputs that lie side by side, for each pixel of a strip.
+#[derive(Clone, Copy)]
+pub(super) struct Segment {
+    /// The run of the strip's first pixel.
+    pub input: *const f32,
+    /// Floats between the runs of neighbouring pixels.
+    pub pixel: usize,
+    /// Two neighbouring pixels share a run; the first pixel is an even one. Only in place.
+    pub halved: bool,
+    pub run: usize,
+}
+
+impl Segment {
+    pub const EMPTY: Self = Self { input: std::ptr::null(), pixel: 0, halved: false, run: 0 };
 }
 
 /// The register tiles that an instruction set has room for.
-trait Tiled: Vector {
+pub(super) trait Kernel: Vector {
     /// # Safety
     /// The CPU has V's instructions; `strip` points to `pixels` pixels, and to PIXELS_MAX more of readable input.
     unsafe fn sweep(layer: &Layer, block: &Block, strip: Strip);
 }
 
-impl Tiled for Portable {
+impl Kernel for Portable {
     #[inline(always)]
     unsafe fn sweep(layer: &Layer, block: &Block, strip: Strip) {
         const PIXELS: usize = if cfg!(target_arch = "aarch64") { 4 } else { 2 };
@@ -161,7 +62,7 @@ impl Tiled for Portable {
 }
 
 #[cfg(target_arch = "x86_64")]
-impl Tiled for super::vector::Avx2 {
+impl Kernel for super::vector::Avx2 {
     #[inline(always)]
     unsafe fn sweep(layer: &Layer, block: &Block, strip: Strip) {
         for group in 0..block.groups {
@@ -172,7 +73,7 @@ impl Tiled for super::vector::Avx2 {
 }
 
 #[cfg(target_arch = "x86_64")]
-impl Tiled for super::vector::Avx512 {
+impl Kernel for super::vector::Avx512 {
     #[inline(always)]
     unsafe fn sweep(layer: &Layer, block: &Block, strip: Strip) {
         // SAFETY: the caller's promise. 24 accumulators of the 32 registers.
@@ -189,69 +90,146 @@ impl Tiled for super::vector::Avx512 {
 /// Output channels `first`.. of `block`, NV vectors of them, for every pixel of the strip.
 #[inline(always)]
 unsafe fn sweep<V: Vector, const PX: usize, const NV: usize>(layer: &Layer, block: &Block, first: usize, strip: Strip) {
+    // SAFETY: the caller's promise.
+    unsafe {
+        match strip.in_place {
+            true => sweep_from::<V, PX, NV, true>(layer, block, first, strip),
+            false => sweep_from::<V, PX, NV, false>(layer, block, first, strip),
+        }
+    }
+}
+
+#[inline(always)]
+unsafe fn sweep_from<V: Vector, const PX: usize, const NV: usize, const IN_PLACE: bool>(
+    layer: &Layer,
+    block: &Block,
+    first: usize,
+    strip: Strip,
+) {
+    const { assert!(PX <= PIXELS_MAX && PIXELS_MAX % PX == 0 && PX % 2 == 0) };
     let channel = block.channel + first;
-    let valid = layer.outputs - channel;
+    let valid = (layer.outputs - channel).min(NV * V::LANES);
     let weights = layer.weights[block.weights + first..].as_ptr();
-    let step = block.groups * GROUP;
     let bias = layer.bias[channel..][..NV * V::LANES].as_ptr();
-    let run = layer.kernel * layer.inputs;
     for x in (0..strip.pixels).step_by(PX) {
-        // SAFETY: x lies in the strip; weights hold kernel · run · step floats from the block on.
+        let pixels = (strip.pixels - x).min(PX);
+        // SAFETY: x lies in the strip; weights hold a tap of block.groups · 16 floats for each input of the segments.
         unsafe {
-            let mut sums = [[V::load(bias); NV]; PX];
-            for sum in &mut sums {
-                for (v, lane) in sum.iter_mut().enumerate() {
-                    *lane = V::load(bias.add(v * V::LANES));
-                }
-            }
-            let mut weight = weights;
-            for ky in 0..layer.kernel {
-                let mut input = strip.input.add(ky * strip.input_row + x * strip.input_pixel);
-                for _ in 0..run {
-                    let mut w = [V::load(weight); NV];
-                    for (v, w) in w.iter_mut().enumerate().skip(1) {
-                        *w = V::load(weight.add(v * V::LANES));
-                    }
-                    for p in 0..PX {
-                        let value = V::broadcast(input.add(p * strip.input_pixel));
-                        for v in 0..NV {
-                            sums[p][v] = sums[p][v].fma(value, w[v]);
-                        }
-                    }
-                    input = input.add(1);
-                    weight = weight.wrapping_add(step);
-                }
-            }
-            for (p, sum) in sums.iter().enumerate() {
-                if x + p < strip.pixels {
-                    finish::<V, NV>(layer, sum, strip, (x + p) * layer.outputs + channel, valid);
-                }
+            let sums = sums::<V, PX, NV, IN_PLACE>(&strip.segments, x, bias, weights, block.groups * GROUP);
+            let at = x * layer.outputs + channel;
+            if pixels == PX && valid == NV * V::LANES {
+                finish(layer, sums, strip, at);
+            } else {
+                finish_part(layer, sums, strip, at, pixels, valid);
             }
         }
     }
 }
 
-/// Adds the residual, applies ReLU and stores one pixel's vectors, the first `valid` channels of them.
+/// The convolution itself, for the strip's pixels from `x` on. `step` is the number of weights of a tap.
 #[inline(always)]
-unsafe fn finish<V: Vector, const NV: usize>(layer: &Layer, sums: &[V; NV], strip: Strip, offset: usize, valid: usize) {
-    for (v, sum) in sums.iter().enumerate() {
-        let count = valid.saturating_sub(v * V::LANES).min(V::LANES);
-        let at = offset + v * V::LANES;
-        let mut sum = *sum;
-        // SAFETY: `count` channels of this pixel from `at` on lie in the strip's output and residual.
-        unsafe {
-            if !strip.add.is_null() && count > 0 {
-                let add = strip.add.wrapping_add(at);
-                sum = sum.add(if count == V::LANES { V::load(add) } else { V::load_first(add, count) });
+unsafe fn sums<V: Vector, const PX: usize, const NV: usize, const IN_PLACE: bool>(
+    segments: &[Segment; Strip::SEGMENTS],
+    x: usize,
+    bias: *const f32,
+    weights: *const f32,
+    step: usize,
+) -> [[V; NV]; PX] {
+    // SAFETY: the promise of `sweep`.
+    unsafe {
+        let mut sums = [[V::load(bias); NV]; PX];
+        for sum in &mut sums {
+            for v in 1..NV {
+                sum[v] = V::load(bias.add(v * V::LANES));
             }
-            if layer.relu_output {
-                sum = sum.relu();
+        }
+        let mut weight = weights;
+        for segment in segments {
+            let shift = u32::from(IN_PLACE && segment.halved);
+            let mut input = segment.input.wrapping_add((x >> shift) * segment.pixel);
+            let mut ahead = input.wrapping_add((PX >> shift) * segment.pixel);
+            for _ in 0..segment.run {
+                let mut w = [V::load(weight); NV];
+                for v in 1..NV {
+                    w[v] = V::load(weight.add(v * V::LANES));
+                }
+                for p in 0..PX {
+                    let value = V::broadcast(input.add((p >> shift) * segment.pixel));
+                    for v in 0..NV {
+                        sums[p][v] = sums[p][v].fma(value, w[v]);
+                    }
+                }
+                if IN_PLACE {
+                    // The next PX pixels come from afar; their strided reads fool the hardware's prefetcher.
+                    V::prefetch(ahead);
+                    ahead = ahead.wrapping_add(PX >> shift);
+                }
+                input = input.add(1);
+                weight = weight.wrapping_add(step);
             }
-            let to = strip.output.wrapping_add(at);
-            if count == V::LANES {
-                sum.store(to);
-            } else if count > 0 {
-                sum.store_first(to, count);
+        }
+        sums
+    }
+}
+
+/// Adds the residual, applies ReLU and stores a whole register tile. Short loops, which unroll, keep the sums in registers.
+#[inline(always)]
+unsafe fn finish<V: Vector, const PX: usize, const NV: usize>(layer: &Layer, mut sums: [[V; NV]; PX], strip: Strip, at: usize) {
+    // SAFETY: PX pixels of NV vectors from `at` on lie in the strip's output and residual.
+    unsafe {
+        if !strip.add.is_null() {
+            for p in 0..PX {
+                for v in 0..NV {
+                    sums[p][v] = sums[p][v].add(V::load(strip.add.add(at + p * layer.outputs + v * V::LANES)));
+                }
+            }
+        }
+        if layer.relu_output {
+            for p in 0..PX {
+                for v in 0..NV {
+                    sums[p][v] = sums[p][v].relu();
+                }
+            }
+        }
+        for p in 0..PX {
+            for v in 0..NV {
+                sums[p][v].store(strip.output.add(at + p * layer.outputs + v * V::LANES));
+            }
+        }
+    }
+}
+
+/// As `finish`, for the first `pixels` pixels and their first `valid` channels.
+#[inline(always)]
+unsafe fn finish_part<V: Vector, const PX: usize, const NV: usize>(
+    layer: &Layer,
+    sums: [[V; NV]; PX],
+    strip: Strip,
+    at: usize,
+    pixels: usize,
+    valid: usize,
+) {
+    const { assert!(PX * NV * V::LANES <= PIXELS_MAX * GROUP) };
+    // Through memory, as indexing registers is not possible.
+    let mut spilled = [0.0; PIXELS_MAX * GROUP];
+    // SAFETY: PX · NV vectors fit into `spilled`; `pixels` pixels of `valid` channels from `at` on into output and residual.
+    unsafe {
+        for p in 0..PX {
+            for v in 0..NV {
+                sums[p][v].store(spilled.as_mut_ptr().add((p * NV + v) * V::LANES));
+            }
+        }
+        for p in 0..pixels {
+            for c in (0..valid).step_by(V::LANES) {
+                let count = (valid - c).min(V::LANES);
+                let mut sum = V::load(spilled.as_ptr().add(p * NV * V::LANES + c));
+                if !strip.add.is_null() {
+                    sum = sum.add(V::load_first(strip.add.add(at + p * layer.outputs + c), count));
+                }
+                if layer.relu_output {
+                    sum = sum.relu();
+                }
+                sum.store_first(strip.output.add(at + p * layer.outputs + c), count);
             }
         }
     }

@@ -1,8 +1,8 @@
 //! f32 convolutions on the CPU, the engine room: the same bits for any number of threads and any split into rows.
 //!
 //! [`Conv`] holds packed weights and runs on an [`Activation`] with the instruction set that [`Isa`] picks at run time.
-//! One generic kernel (`kernel`) serves every instruction set through the `Vector` trait (`vector`); `pack` lays a tile of
-//! the input out for it, with padding, ReLU, concatenation and up-sampling done on the way.
+//! One generic kernel (`kernel`) serves every instruction set through the `Vector` trait (`vector`); `tile` cuts the work up
+//! for it and `pack` lays a tile's input out, with padding, ReLU, concatenation and up-sampling done on the way.
 
 mod activation;
 mod buffer;
@@ -12,6 +12,7 @@ mod isa;
 mod kernel;
 pub mod lanes;
 mod pack;
+mod tile;
 mod vector;
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Lays a tile of the input out for the kernel: padded with zeros, ReLU applied, inputs joined channel by channel.
 
 use super::activation::Activation;
+use super::buffer::Buffer;
 use super::vector::Vector;
 
 /// One of the inputs whose channels are joined.
@@ -38,11 +39,12 @@ pub(super) struct Window {
     pub columns: usize,
 }
 
-/// Writes `window` of the joined `sources` to `packed`: [row][column][channel] without gaps.
+/// Writes `window` of the joined `sources` to `packed`: [row][column][channel] without gaps, then room for `spare` pixels.
 #[inline(always)]
-pub(super) fn pack<V: Vector>(sources: &[Source], relu: bool, window: Window, packed: &mut [f32]) {
+pub(super) fn pack<V: Vector>(sources: &[Source], relu: bool, window: Window, packed: &mut Buffer, spare: usize) {
     let Some(first) = sources.first() else { return };
     let channels: usize = sources.iter().map(|s| s.activation.channels()).sum();
+    packed.reset((window.rows * window.columns + spare) * channels);
     let (rows, columns) = first.size();
     // The part of the window's columns that lies inside the image.
     let inside = |at: isize| at.clamp(0, columns as isize);
@@ -50,7 +52,7 @@ pub(super) fn pack<V: Vector>(sources: &[Source], relu: bool, window: Window, pa
     let to = inside(window.column + window.columns as isize).max(from);
     let before = (from - window.column).min(window.columns as isize) as usize * channels;
     let (from, to) = (from as usize, to as usize);
-    for (r, line) in packed.chunks_exact_mut((window.columns * channels).max(1)).take(window.rows).enumerate() {
+    for (r, line) in packed.as_mut_slice().chunks_exact_mut((window.columns * channels).max(1)).take(window.rows).enumerate() {
         let row = window.row + r as isize;
         if row < 0 || row >= rows as isize {
             line.fill(0.0);

@@ -18,6 +18,8 @@ pub(super) trait Vector: Copy {
     /// self + a · b, rounded once where the target can.
     unsafe fn fma(self, a: Self, b: Self) -> Self;
     unsafe fn add(self, other: Self) -> Self;
+    /// Fetches the cache line of an address that need not be valid.
+    unsafe fn prefetch(at: *const f32);
     /// self where it is above zero, else +0 (NaN too).
     unsafe fn relu(self) -> Self;
 }
@@ -83,6 +85,9 @@ impl Vector for Portable {
         }
         Self(sum)
     }
+
+    #[inline(always)]
+    unsafe fn prefetch(_at: *const f32) {}
 
     #[inline(always)]
     unsafe fn relu(self) -> Self {
@@ -157,6 +162,12 @@ mod x86 {
         }
 
         #[inline(always)]
+        unsafe fn prefetch(at: *const f32) {
+            // SAFETY: prefetching never faults.
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(at.cast()) }
+        }
+
+        #[inline(always)]
         unsafe fn relu(self) -> Self {
             // SAFETY: above. max returns its second operand for NaN and for two zeros.
             Self(unsafe { _mm512_max_ps(self.0, _mm512_setzero_ps()) })
@@ -219,6 +230,12 @@ mod x86 {
         unsafe fn add(self, other: Self) -> Self {
             // SAFETY: above.
             Self(unsafe { _mm256_add_ps(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        unsafe fn prefetch(at: *const f32) {
+            // SAFETY: prefetching never faults.
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(at.cast()) }
         }
 
         #[inline(always)]
