@@ -5,7 +5,8 @@ use rayon::prelude::*;
 use super::residual::Residual;
 use super::weights::Weights;
 use crate::error::Result;
-use crate::frame::packed::{COLOUR, DEPTH, Guides, MODULATION, PackedFrame};
+use crate::frame::packed::{COLOUR, DEPTH, Guides, PackedFrame};
+use crate::simd::lanes::ln_1p_all;
 use crate::simd::{Activation, Conv, Epilogue, Isa};
 
 /// Channels at full resolution: log colour 3, albedo 3, normal 3, log depth 1.
@@ -31,7 +32,7 @@ impl Encoder {
 
     /// Features (padded rows / 2, padded columns / 2, features) of a frame.
     pub fn run(&self, isa: Isa, frame: &PackedFrame, guides: &Guides) -> Activation {
-        let inputs = inputs(frame, guides);
+        let inputs = inputs(isa, frame, guides);
         let (mut hidden, mut out) = (Activation::empty(), Activation::empty());
         self.first.run(isa, &inputs, &mut hidden, Epilogue { relu_output: true, ..Default::default() });
         drop(inputs);
@@ -42,15 +43,33 @@ impl Encoder {
 }
 
 /// The encoder's input, the 2×2 pixels of a half-resolution pixel side by side: channel c·4 + 2·(row & 1) + (column & 1).
-fn inputs(frame: &PackedFrame, guides: &Guides) -> Activation {
+fn inputs(isa: Isa, frame: &PackedFrame, guides: &Guides) -> Activation {
     let (half_rows, half_columns) = (frame.padded_rows / 2, frame.padded_columns / 2);
+    let columns = frame.padded_columns;
     let mut out = Activation::new(half_rows, half_columns, 4 * INPUTS);
     out.as_mut_slice().par_chunks_mut(half_columns * 4 * INPUTS).enumerate().for_each(|(hy, row)| {
-        for (hx, to) in row.chunks_exact_mut(4 * INPUTS).enumerate() {
-            for phase in 0..4 {
-                let (y, x) = (2 * hy + phase / 2, 2 * hx + phase % 2);
-                for (c, v) in pixel(frame, guides, y, x).into_iter().enumerate() {
-                    to[c * 4 + phase] = v;
+        let mut logs = vec![0.0; 4 * columns];
+        for dy in 0..2 {
+            let y = 2 * hy + dy;
+            let pixels = &frame.groups[0][y * columns..][..columns];
+            for (x, lanes) in pixels.iter().enumerate() {
+                for c in 0..3 {
+                    logs[c * columns + x] = lanes[COLOUR + c] * frame.exposure;
+                }
+                logs[3 * columns + x] = lanes[DEPTH];
+            }
+            ln_1p_all(isa, &mut logs);
+            let y = y.min(frame.rows - 1);
+            for x in 0..columns {
+                let to = &mut row[x / 2 * 4 * INPUTS..][..4 * INPUTS];
+                let phase = 2 * dy + x % 2;
+                let mut put = |c: usize, v: f32| to[c * 4 + phase] = v;
+                put(9, logs[3 * columns + x]);
+                let guide_x = x.min(frame.columns - 1);
+                for c in 0..3 {
+                    put(c, logs[c * columns + x]);
+                    put(3 + c, guides.albedo.as_ref().map_or(0.0, |a| bounded(a[[y, guide_x, c]], 0.0)));
+                    put(6 + c, guides.normal.as_ref().map_or(0.0, |n| bounded(n[[y, guide_x, c]], -1.0)));
                 }
             }
         }
@@ -58,19 +77,7 @@ fn inputs(frame: &PackedFrame, guides: &Guides) -> Activation {
     out
 }
 
-/// The network's view of one pixel.
-#[inline(always)]
-fn pixel(frame: &PackedFrame, guides: &Guides, y: usize, x: usize) -> [f32; INPUTS] {
-    let lanes = &frame.groups[0][y * frame.padded_columns + x];
-    let (y, x) = (y.min(frame.rows - 1), x.min(frame.columns - 1));
-    let finite = |v: f32, low: f32| if v.is_nan() { 0.0 } else { v.clamp(low, 1.0) };
-    let mut out = [0.0; INPUTS];
-    for c in 0..3 {
-        out[c] = (lanes[COLOUR + c] * frame.exposure).ln_1p();
-        out[3 + c] = guides.albedo.as_ref().map_or(0.0, |a| finite(a[[y, x, c]], 0.0));
-        out[6 + c] = guides.normal.as_ref().map_or(0.0, |n| finite(n[[y, x, c]], -1.0));
-    }
-    out[9] = lanes[DEPTH].ln_1p();
-    debug_assert!(lanes[MODULATION] > 0.0);
-    out
+/// A guide's value in low…1; NaN is 0.
+fn bounded(v: f32, low: f32) -> f32 {
+    if v.is_nan() { 0.0 } else { v.clamp(low, 1.0) }
 }

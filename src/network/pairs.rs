@@ -32,30 +32,32 @@ pub fn gather<L: Lanes>(l: L, neighbour: Neighbour, region: Rect, y: usize, x: u
     let (rows, columns, channels) = neighbour.features.shape();
     let features = neighbour.features.as_slice();
     let mut block = [0.0; 16 * 16];
+    let mut index = [[0; 4]; 16];
+    let mut weight = [[0.0; 4]; 16];
     for part in (0..SEGMENT).step_by(16) {
-        let pixels: [usize; 16] = std::array::from_fn(|p| y * region.columns + (x + part + p).min(region.columns - 1));
-        let corners: [Corners; 16] = std::array::from_fn(|p| {
-            let [column, row] = neighbour.warped.position[pixels[p]];
-            Corners::new(column, row, rows, columns)
-        });
+        for p in 0..16 {
+            let pixel = y * region.columns + (x + part + p).min(region.columns - 1);
+            let [column, row] = neighbour.warped.position[pixel];
+            let corners = Corners::new(column, row, rows, columns);
+            (index[p], weight[p]) = (corners.index, corners.weight);
+            let extras = &neighbour.warped.extras[pixel * EXTRAS..][..EXTRAS];
+            for e in 0..EXTRAS {
+                out[(channels + e) * SEGMENT + part + p] = extras[e];
+            }
+        }
         for first in (0..channels).step_by(16) {
-            for (p, corners) in corners.iter().enumerate() {
+            for p in 0..16 {
                 let mut sum = l.splat(0.0);
-                for (index, weight) in corners.index.iter().zip(corners.weight) {
-                    sum = l.fma(l.splat(weight), l.load(features, index * channels + first), sum);
+                for k in 0..4 {
+                    sum = l.fma(l.splat(weight[p][k]), l.load(features, index[p][k] * channels + first), sum);
                 }
                 l.store(sum, &mut block, p * 16);
             }
             for c in 0..16 {
                 let to = &mut out[(first + c) * SEGMENT + part..][..16];
-                for (p, to) in to.iter_mut().enumerate() {
-                    *to = block[p * 16 + c];
+                for p in 0..16 {
+                    to[p] = block[p * 16 + c];
                 }
-            }
-        }
-        for (p, pixel) in pixels.iter().enumerate() {
-            for e in 0..EXTRAS {
-                out[(channels + e) * SEGMENT + part + p] = neighbour.warped.extras[pixel * EXTRAS + e];
             }
         }
     }

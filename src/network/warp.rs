@@ -7,7 +7,7 @@ use crate::kernels::planes::Planes;
 use crate::kernels::{Channels, FULL_PHASES};
 use crate::plan::tiles::Rect;
 use crate::simd::Isa;
-use crate::simd::lanes::{Lanes, dispatch};
+use crate::simd::lanes::{Lanes, dispatch, ln_1p_body};
 
 /// A way back that misses its start by this many pixels is as bad as any.
 const AGREEMENT_LIMIT: f32 = 4.0;
@@ -96,15 +96,15 @@ impl Corners {
     }
 
     #[inline(always)]
-    fn sample(&self, image: &[[f32; 8]]) -> [f32; 8] {
-        let mut out = [0.0; 8];
-        for (i, w) in self.index.iter().zip(self.weight) {
-            let lanes = &image[*i];
+    fn sample(&self, image: &[[f32; 8]], out: &mut [f32; 8]) {
+        let mut sum = [0.0; 8];
+        for k in 0..4 {
+            let (lanes, w) = (&image[self.index[k]], self.weight[k]);
             for c in 0..8 {
-                out[c] += w * lanes[c];
+                sum[c] += w * lanes[c];
             }
         }
-        out
+        *out = sum;
     }
 }
 
@@ -149,7 +149,7 @@ pub fn warp(isa: Isa, frames: &[&PackedFrame], offset: i32, region: Rect, channe
 /// One full-resolution row: warped pixels of every group, the maps, and (from even rows) the half-resolution positions.
 #[inline(always)]
 fn warp_row_body<L: Lanes>(
-    _: L,
+    l: L,
     path: &Path,
     region: Rect,
     y: usize,
@@ -159,27 +159,35 @@ fn warp_row_body<L: Lanes>(
 ) {
     let neighbour = path.frames[path.frames.len() - 1];
     let width = 2 * region.columns;
+    let here = &path.frames[0].groups[0][y * path.columns + 2 * region.column..][..width];
+    let mut depths = vec![0.0; 2 * width];
     for (i, map) in maps.iter_mut().enumerate() {
         let x = 2 * region.column + i;
         let place = path.place(y, x);
         let corners = Corners::new(place.column, place.row, path.rows, path.columns);
-        let mut sampled = corners.sample(&neighbour.groups[0]);
+        let sampled = &mut pixels[i];
+        corners.sample(&neighbour.groups[0], sampled);
         let trust = if place.trusted && sampled[INVALID] == 0.0 { 1.0 } else { 0.0 };
         sampled.iter_mut().for_each(|v| *v *= trust);
-        let here = &path.frames[0].groups[0][y * path.columns + x];
-        let depth = ((sampled[DEPTH].ln_1p() - here[DEPTH].ln_1p()).abs()).min(1.0);
-        let albedo: [f32; 3] = std::array::from_fn(|c| (sampled[MODULATION + c] - here[MODULATION + c]).abs() * trust);
-        *map = [trust, albedo[0], albedo[1], albedo[2], depth * trust, place.miss / AGREEMENT_LIMIT * trust, 0.0];
-        pixels[i] = sampled;
+        depths[i] = sampled[DEPTH];
+        depths[width + i] = here[i][DEPTH];
+        *map = [trust, 0.0, 0.0, 0.0, 0.0, place.miss / AGREEMENT_LIMIT * trust, 0.0];
+        for c in 0..3 {
+            map[1 + c] = (sampled[MODULATION + c] - here[i][MODULATION + c]).abs() * trust;
+        }
         for (group, image) in neighbour.groups.iter().enumerate().skip(1) {
-            let mut more = corners.sample(image);
+            let more = &mut pixels[group * width + i];
+            corners.sample(image, more);
             more.iter_mut().for_each(|v| *v *= trust);
-            pixels[group * width + i] = more;
         }
         if y % 2 == 0 && i % 2 == 0 {
             let half = ((region.column + i / 2) as f32, (y / 2) as f32);
             position[i / 2] = [half.0 + (place.column - x as f32) * 0.5, half.1 + (place.row - y as f32) * 0.5];
         }
+    }
+    ln_1p_body(l, &mut depths);
+    for (i, map) in maps.iter_mut().enumerate() {
+        map[4] = (depths[i] - depths[width + i]).abs().min(1.0) * map[0];
     }
 }
 

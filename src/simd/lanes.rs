@@ -29,6 +29,8 @@ pub trait Lanes: Copy + Send + Sync {
     fn scale2(self, v: Self::V, n: Self::V) -> Self::V;
     /// The nearest integer, ties to even.
     fn round(self, v: Self::V) -> Self::V;
+    /// m in √½…√2 and e with v = m·2ᵉ, for positive normal v.
+    fn split(self, v: Self::V) -> (Self::V, Self::V);
 
     /// eˣ for x in −87…88, to about 2 units in the last place (Cephes' polynomial).
     #[inline(always)]
@@ -43,7 +45,31 @@ pub trait Lanes: Copy + Send + Sync {
         let p = self.fma(self.mul(r, r), p, self.add(r, self.splat(1.0)));
         self.scale2(p, n)
     }
+
+    /// ln(1 + x) for x ≥ 0 up to 1e38, to about 2 units in the last place (Cephes' polynomial).
+    #[inline(always)]
+    fn ln_1p(self, x: Self::V) -> Self::V {
+        let one = self.splat(1.0);
+        let u = self.add(one, x);
+        let lost = self.div(self.sub(x, self.sub(u, one)), u);
+        let (m, e) = self.split(u);
+        let t = self.sub(m, one);
+        let z = self.mul(t, t);
+        let mut p = self.splat(7.037_683_6e-2);
+        for c in LN {
+            p = self.fma(p, t, self.splat(c));
+        }
+        let y = self.fma(e, self.splat(-2.121_944_4e-4), self.mul(self.mul(t, z), p));
+        let y = self.fma(z, self.splat(-0.5), y);
+        let r = self.fma(e, self.splat(0.693_359_4), self.add(t, y));
+        self.add(r, lost)
+    }
 }
+
+const LN: [f32; 8] =
+    [-0.115_146_1, 0.116_769_99, -0.124_201_41, 0.142_493_23, -0.166_680_58, 0.200_007_15, -0.249_999_94, 0.333_333_31];
+/// The bits of √½.
+const SQRT_HALF: i32 = 0x3f35_04f3;
 
 /// Plain Rust; the path for every CPU that has no path of its own.
 #[derive(Clone, Copy, Debug)]
@@ -124,6 +150,12 @@ impl Lanes for Portable {
         const MAGIC: f32 = 12_582_912.0;
         map2(v, v, |v, _| (v + MAGIC) - MAGIC)
     }
+    #[inline(always)]
+    fn split(self, v: Self::V) -> (Self::V, Self::V) {
+        let exponent = |v: f32| (v.to_bits() as i32).wrapping_sub(SQRT_HALF) >> 23;
+        let m = map2(v, v, |v, _| f32::from_bits((v.to_bits() as i32).wrapping_sub(exponent(v) << 23) as u32));
+        (m, map2(v, v, |v, _| exponent(v) as f32))
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -133,7 +165,7 @@ pub use x86::{Avx2, Avx512};
 mod x86 {
     use std::arch::x86_64::*;
 
-    use super::{Lanes, sixteen};
+    use super::{Lanes, SQRT_HALF, sixteen};
 
     /// Proof that the CPU has AVX-512F.
     #[derive(Clone, Copy, Debug)]
@@ -224,12 +256,32 @@ mod x86 {
         fn round(self, v: __m512) -> __m512 {
             avx512!(_mm512_roundscale_ps::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(v))
         }
+        #[inline(always)]
+        fn split(self, v: __m512) -> (__m512, __m512) {
+            avx512!({
+                let bits = _mm512_castps_si512(v);
+                let e = _mm512_srai_epi32::<23>(_mm512_sub_epi32(bits, _mm512_set1_epi32(SQRT_HALF)));
+                (_mm512_castsi512_ps(_mm512_sub_epi32(bits, _mm512_slli_epi32::<23>(e))), _mm512_cvtepi32_ps(e))
+            })
+        }
     }
 
+    // No closures: they would be functions of their own, compiled without the instruction set.
     macro_rules! both {
-        ($f:expr) => {
+        ($i:ident => $e:expr) => {
             // SAFETY: the token `self` proves that the CPU has these instructions; loads and stores go through checked arrays.
-            unsafe { [$f(0), $f(1)] }
+            unsafe {
+                [
+                    {
+                        let $i: usize = 0;
+                        $e
+                    },
+                    {
+                        let $i: usize = 1;
+                        $e
+                    },
+                ]
+            }
         };
     }
 
@@ -238,60 +290,68 @@ mod x86 {
         const TILE: usize = 3;
         #[inline(always)]
         fn splat(self, x: f32) -> Self::V {
-            both!(|_| _mm256_set1_ps(x))
+            both!(_i => _mm256_set1_ps(x))
         }
         #[inline(always)]
         fn load(self, from: &[f32], at: usize) -> Self::V {
             let p = sixteen(from, at).as_ptr();
-            both!(|i: usize| _mm256_loadu_ps(p.add(8 * i)))
+            both!(i => _mm256_loadu_ps(p.add(8 * i)))
         }
         #[inline(always)]
         fn store(self, v: Self::V, to: &mut [f32], at: usize) {
             let p = to[at..at + 16].as_mut_ptr();
-            both!(|i: usize| _mm256_storeu_ps(p.add(8 * i), v[i]));
+            both!(i => _mm256_storeu_ps(p.add(8 * i), v[i]));
         }
         #[inline(always)]
         fn add(self, a: Self::V, b: Self::V) -> Self::V {
-            both!(|i: usize| _mm256_add_ps(a[i], b[i]))
+            both!(i => _mm256_add_ps(a[i], b[i]))
         }
         #[inline(always)]
         fn sub(self, a: Self::V, b: Self::V) -> Self::V {
-            both!(|i: usize| _mm256_sub_ps(a[i], b[i]))
+            both!(i => _mm256_sub_ps(a[i], b[i]))
         }
         #[inline(always)]
         fn mul(self, a: Self::V, b: Self::V) -> Self::V {
-            both!(|i: usize| _mm256_mul_ps(a[i], b[i]))
+            both!(i => _mm256_mul_ps(a[i], b[i]))
         }
         #[inline(always)]
         fn div(self, a: Self::V, b: Self::V) -> Self::V {
-            both!(|i: usize| _mm256_div_ps(a[i], b[i]))
+            both!(i => _mm256_div_ps(a[i], b[i]))
         }
         #[inline(always)]
         fn fma(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V {
-            both!(|i: usize| _mm256_fmadd_ps(a[i], b[i], c[i]))
+            both!(i => _mm256_fmadd_ps(a[i], b[i], c[i]))
         }
         #[inline(always)]
         fn max(self, a: Self::V, b: Self::V) -> Self::V {
-            both!(|i: usize| _mm256_max_ps(a[i], b[i]))
+            both!(i => _mm256_max_ps(a[i], b[i]))
         }
         #[inline(always)]
         fn min(self, a: Self::V, b: Self::V) -> Self::V {
-            both!(|i: usize| _mm256_min_ps(a[i], b[i]))
+            both!(i => _mm256_min_ps(a[i], b[i]))
         }
         #[inline(always)]
         fn where_positive(self, x: Self::V, a: Self::V) -> Self::V {
-            both!(|i: usize| _mm256_and_ps(_mm256_cmp_ps::<_CMP_GT_OQ>(x[i], _mm256_setzero_ps()), a[i]))
+            both!(i => _mm256_and_ps(_mm256_cmp_ps::<_CMP_GT_OQ>(x[i], _mm256_setzero_ps()), a[i]))
         }
         #[inline(always)]
         fn scale2(self, v: Self::V, n: Self::V) -> Self::V {
-            both!(|i: usize| {
+            both!(i => {
                 let bits = _mm256_slli_epi32::<23>(_mm256_add_epi32(_mm256_cvtps_epi32(n[i]), _mm256_set1_epi32(127)));
                 _mm256_mul_ps(v[i], _mm256_castsi256_ps(bits))
             })
         }
         #[inline(always)]
         fn round(self, v: Self::V) -> Self::V {
-            both!(|i: usize| _mm256_round_ps::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(v[i]))
+            both!(i => _mm256_round_ps::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(v[i]))
+        }
+        #[inline(always)]
+        fn split(self, v: Self::V) -> (Self::V, Self::V) {
+            let e = both!(i => {
+                _mm256_srai_epi32::<23>(_mm256_sub_epi32(_mm256_castps_si256(v[i]), _mm256_set1_epi32(SQRT_HALF)))
+            });
+            let m = both!(i => _mm256_castsi256_ps(_mm256_sub_epi32(_mm256_castps_si256(v[i]), _mm256_slli_epi32::<23>(e[i]))));
+            (m, both!(i => _mm256_cvtepi32_ps(e[i])))
         }
     }
 }
@@ -332,6 +392,24 @@ macro_rules! dispatch {
 }
 pub(crate) use dispatch;
 
+/// [`ln_1p_all`] inside a kernel.
+#[inline(always)]
+pub(crate) fn ln_1p_body<L: Lanes>(l: L, values: &mut [f32]) {
+    let (whole, rest) = values.as_chunks_mut::<16>();
+    for v in whole {
+        l.store(l.ln_1p(l.load(v, 0)), v, 0);
+    }
+    let mut last = [0.0; 16];
+    last[..rest.len()].copy_from_slice(rest);
+    l.store(l.ln_1p(l.load(&last, 0)), &mut last, 0);
+    rest.copy_from_slice(&last[..rest.len()]);
+}
+
+dispatch! {
+    /// Replaces each value x ≥ 0 by ln(1 + x).
+    pub fn ln_1p_all(values: &mut [f32]) = ln_1p_body
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -344,6 +422,19 @@ mod tests {
         }
     }
     dispatch!(fn exp_all(x: &[f32], out: &mut [f32]) = exp_body);
+
+    #[test]
+    fn ln_1p_is_accurate_and_alike_on_every_isa() {
+        let x: Vec<f32> = (0..4099).map(|i| 10f32.powf(-12.0 + i as f32 * (48.0 / 4099.0))).chain([0.0]).collect();
+        for isa in Isa::available() {
+            let mut out = x.clone();
+            ln_1p_all(isa, &mut out);
+            for (x, y) in x.iter().zip(&out) {
+                let exact = f64::from(*x).ln_1p();
+                assert!((f64::from(*y) - exact).abs() <= 4e-7 * exact, "{isa:?}: ln_1p({x}) = {y}");
+            }
+        }
+    }
 
     #[test]
     fn exp_is_accurate_on_every_isa() {
