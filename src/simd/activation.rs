@@ -76,7 +76,7 @@ impl Activation {
     }
 
     /// Everything from a pixel on, PIXELS_MAX unspecified pixels after the last included.
-    pub(super) fn from_pixel(&self, row: usize, column: usize) -> &[f32] {
+    pub(super) fn pixels_from(&self, row: usize, column: usize) -> &[f32] {
         &self.data.as_slice()[(row * self.columns + column) * self.channels..]
     }
 

@@ -2,6 +2,8 @@
 //!
 //! Each output value is one chain: bias, then ky, kx and ci in that order, one FMA each, whatever tile it falls into.
 
+#![allow(clippy::needless_range_loop, reason = "a register tile is an index space; p and v are its coordinates")]
+
 use super::tile::{Block, Layer};
 use super::vector::{Portable, Vector};
 
@@ -106,7 +108,7 @@ unsafe fn sweep_from<V: Vector, const PX: usize, const NV: usize, const IN_PLACE
     first: usize,
     strip: Strip,
 ) {
-    const { assert!(PX <= PIXELS_MAX && PIXELS_MAX % PX == 0 && PX % 2 == 0) };
+    const { assert!(PX <= PIXELS_MAX && PIXELS_MAX.is_multiple_of(PX) && PX.is_multiple_of(2)) };
     let channel = block.channel + first;
     let valid = (layer.outputs - channel).min(NV * V::LANES);
     let weights = layer.weights[block.weights + first..].as_ptr();

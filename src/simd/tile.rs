@@ -162,7 +162,7 @@ impl Tile {
     fn source_segments(&self, layer: &Layer, r: usize, segments: &mut [Segment; Strip::SEGMENTS]) {
         for (source, segment) in layer.sources.iter().zip(segments) {
             let shift = usize::from(source.upsample);
-            let input = source.activation.from_pixel((self.row + r) >> shift, self.column >> shift).as_ptr();
+            let input = source.activation.pixels_from((self.row + r) >> shift, self.column >> shift).as_ptr();
             let channels = source.activation.channels();
             *segment = Segment { input, pixel: channels, halved: source.upsample, run: channels };
         }

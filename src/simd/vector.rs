@@ -65,14 +65,11 @@ impl Vector for Portable {
 
     #[inline(always)]
     unsafe fn fma(self, a: Self, b: Self) -> Self {
+        // Without the instruction mul_add is a library call per lane, so two roundings have to do.
+        const FUSED: bool = cfg!(any(target_arch = "aarch64", target_feature = "fma"));
         let mut sum = self.0;
-        for lane in 0..8 {
-            // Without the instruction mul_add is a library call per lane, so two roundings have to do.
-            sum[lane] = if cfg!(any(target_arch = "aarch64", target_feature = "fma")) {
-                a.0[lane].mul_add(b.0[lane], sum[lane])
-            } else {
-                sum[lane] + a.0[lane] * b.0[lane]
-            };
+        for (lane, sum) in sum.iter_mut().enumerate() {
+            *sum = if FUSED { a.0[lane].mul_add(b.0[lane], *sum) } else { *sum + a.0[lane] * b.0[lane] };
         }
         Self(sum)
     }
@@ -80,9 +77,7 @@ impl Vector for Portable {
     #[inline(always)]
     unsafe fn add(self, other: Self) -> Self {
         let mut sum = self.0;
-        for lane in 0..8 {
-            sum[lane] += other.0[lane];
-        }
+        sum.iter_mut().zip(other.0).for_each(|(sum, other)| *sum += other);
         Self(sum)
     }
 
