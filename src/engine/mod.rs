@@ -139,13 +139,17 @@ impl Engine {
         let channels = Channels::new(packed.extra, packed.has_alpha);
         let halo = self.body.halo(kernel_reach(self.widths));
         let area = self.settings.memory.unwrap_or(TILE_MEMORY) as usize / self.bytes_per_pixel(&channels, paths.len());
+        let tiles = tiles(half_rows, half_columns, halo, area);
+        if let [whole] = tiles[..] {
+            return Ok(unpack(self.tile(centre, &paths, whole, channels, lambda).image, packed));
+        }
         let mut out = Array3::zeros((packed.padded_rows, packed.padded_columns, channels.values));
-        for tile in tiles(half_rows, half_columns, halo, area) {
+        for tile in tiles {
             let image = self.tile(centre, &paths, tile, channels, lambda).image;
             let c = tile.core;
             out.slice_mut(s![2 * c.row..2 * (c.row + c.rows), 2 * c.column..2 * (c.column + c.columns), ..]).assign(&image);
         }
-        Ok(unpack(&out, packed))
+        Ok(unpack(out, packed))
     }
 
     /// Bytes that one half-resolution pixel of a tile takes.
@@ -157,14 +161,13 @@ impl Engine {
     fn tile(&self, centre: &EncodedFrame, paths: &[Path], tile: Tile, channels: Channels, lambda: f32) -> Stages {
         let region = tile.region;
         let margins = Margins::new(self.widths[0].max(self.widths[1]).max(self.widths[3]), self.widths[2]);
-        let mut warped: Vec<Warped> = paths
+        let (images, warped): (Vec<Planes>, Vec<Warped>) = paths
             .iter()
             .map(|path| {
                 let frames: Vec<&PackedFrame> = path.frames.iter().map(|f| &f.packed).collect();
                 warp(self.isa, &frames, path.offset, region, &channels, margins.full)
             })
-            .collect();
-        let images: Vec<Planes> = warped.iter_mut().map(|w| std::mem::take(&mut w.planes)).collect();
+            .unzip();
         let pyramid = pyramid_of(centre_planes(&centre.packed, region, &channels, margins.full), images, &channels, margins);
         let neighbours: Vec<Neighbour> =
             paths.iter().zip(&warped).map(|(path, warped)| Neighbour { features: &path.neighbour().features, warped }).collect();
@@ -243,7 +246,10 @@ fn paths<'a>(centre: &'a EncodedFrame, neighbours: &[(i32, &'a EncodedFrame)]) -
 }
 
 /// Cuts the padding off and tells the channels apart.
-fn unpack(image: &Array3<f32>, packed: &PackedFrame) -> Denoised {
+fn unpack(image: Array3<f32>, packed: &PackedFrame) -> Denoised {
+    if image.dim() == (packed.rows, packed.columns, 3) {
+        return Denoised { colour: image, alpha: None, aovs: Vec::new() };
+    }
     let image = image.slice(s![..packed.rows, ..packed.columns, ..]);
     let alpha = packed.has_alpha.then(|| image.slice(s![.., .., 3]).to_owned());
     let first = 3 + usize::from(packed.has_alpha);

@@ -1,12 +1,15 @@
 //! Images as planes of contiguous rows, so that a tap is one unaligned vector load.
 
+use rayon::prelude::*;
+
+use crate::simd::buffer::Buffer;
+
 /// Columns after the last that a load of a whole segment may touch.
 const SLACK: usize = 32;
 
 /// Planes of one size with a zero margin around them: `[row][plane][column]`, so that a row of all planes is one chunk.
-#[derive(Default)]
 pub struct Planes {
-    data: Vec<f32>,
+    data: Buffer,
     planes: usize,
     rows: usize,
     columns: usize,
@@ -15,10 +18,22 @@ pub struct Planes {
 }
 
 impl Planes {
-    /// Zeroed planes; `margin` rows and columns may be read around them.
+    /// Planes whose values are unspecified, with `margin` zero rows and columns around them that may be read.
     pub fn new(planes: usize, rows: usize, columns: usize, margin: usize) -> Self {
         let stride = columns.next_multiple_of(32) + 2 * margin + SLACK;
-        Self { data: vec![0.0; planes * (rows + 2 * margin) * stride], planes, rows, columns, margin, stride }
+        let mut data = Buffer::empty();
+        data.reset(planes * (rows + 2 * margin) * stride);
+        let chunk = planes * stride;
+        data.as_mut_slice().par_chunks_mut(chunk.max(1)).enumerate().for_each(|(y, row)| {
+            if y < margin || y >= margin + rows {
+                return row.fill(0.0);
+            }
+            for plane in row.chunks_exact_mut(stride) {
+                plane[..margin].fill(0.0);
+                plane[margin + columns..].fill(0.0);
+            }
+        });
+        Self { data, planes, rows, columns, margin, stride }
     }
 
     /// Rows without the margin.
@@ -38,7 +53,7 @@ impl Planes {
 
     /// All values, to be indexed with [`Self::at`].
     pub fn data(&self) -> &[f32] {
-        &self.data
+        self.data.as_slice()
     }
 
     /// The index of column `x` of row `y` of a plane; margin positions are negative or beyond the size.
@@ -51,14 +66,13 @@ impl Planes {
     /// Row `y` of a plane, without the margin.
     pub fn row(&self, plane: usize, y: usize) -> &[f32] {
         let at = self.at(plane, y as isize, 0);
-        &self.data[at..at + self.columns]
+        &self.data.as_slice()[at..at + self.columns]
     }
 
     /// The rows without the margin as disjoint mutable chunks.
-    pub fn rows_mut(&mut self) -> impl rayon::iter::IndexedParallelIterator<Item = RowMut<'_>> {
-        use rayon::prelude::*;
+    pub fn rows_mut(&mut self) -> impl IndexedParallelIterator<Item = RowMut<'_>> {
         let (chunk, margin, stride, columns) = (self.planes * self.stride, self.margin, self.stride, self.columns);
-        let inner = &mut self.data[margin * chunk..(margin + self.rows) * chunk];
+        let inner = &mut self.data.as_mut_slice()[margin * chunk..(margin + self.rows) * chunk];
         inner.par_chunks_mut(chunk).map(move |data| RowMut { data, margin, stride, columns })
     }
 }
@@ -77,12 +91,5 @@ impl RowMut<'_> {
     pub fn plane(&mut self, plane: usize) -> &mut [f32] {
         let at = plane * self.stride + self.margin;
         &mut self.data[at..at + self.columns]
-    }
-
-    /// The row of one plane with room for a whole last segment.
-    #[inline(always)]
-    pub fn plane_with_slack(&mut self, plane: usize) -> &mut [f32] {
-        let at = plane * self.stride + self.margin;
-        &mut self.data[at..(plane + 1) * self.stride]
     }
 }

@@ -37,10 +37,10 @@ pub fn gather<L: Lanes>(l: L, neighbour: Neighbour, region: Rect, y: usize, x: u
     for part in (0..SEGMENT).step_by(16) {
         for p in 0..16 {
             let pixel = y * region.columns + (x + part + p).min(region.columns - 1);
-            let [column, row] = neighbour.warped.position[pixel];
-            let corners = Corners::new(column, row, rows, columns);
+            let position = &neighbour.warped.position.as_slice()[2 * pixel..][..2];
+            let corners = Corners::new(position[0], position[1], rows, columns);
             (index[p], weight[p]) = (corners.index, corners.weight);
-            let extras = &neighbour.warped.extras[pixel * EXTRAS..][..EXTRAS];
+            let extras = &neighbour.warped.extras.as_slice()[pixel * EXTRAS..][..EXTRAS];
             for e in 0..EXTRAS {
                 out[(channels + e) * SEGMENT + part + p] = extras[e];
             }

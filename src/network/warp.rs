@@ -2,12 +2,12 @@
 
 use rayon::prelude::*;
 
-use crate::frame::packed::{COLOUR, DEPTH, INVALID, MODULATION, PackedFrame};
+use crate::frame::packed::{DEPTH, INVALID, MODULATION, PackedFrame};
 use crate::kernels::planes::Planes;
 use crate::kernels::{Channels, FULL_PHASES};
 use crate::plan::tiles::Rect;
-use crate::simd::Isa;
 use crate::simd::lanes::{Lanes, dispatch, ln_1p_body};
+use crate::simd::{Activation, Isa};
 
 /// A way back that misses its start by this many pixels is as bad as any.
 const AGREEMENT_LIMIT: f32 = 4.0;
@@ -15,14 +15,12 @@ const AGREEMENT_LIMIT: f32 = 4.0;
 /// Maps that tell the network how far to trust a neighbour: trust, albedo 3, depth, agreement of vectors, distance in time.
 pub const EXTRAS: usize = 7;
 
-/// One neighbour, warped to the centre frame over a region.
+/// What the network gets of one neighbour over a region.
 pub struct Warped {
-    /// Full resolution, four phases a channel: values, trust, modulation (see [`Channels`]).
-    pub planes: Planes,
     /// Where the features of each half-resolution pixel are sampled: (column, row) in the neighbour, half resolution.
-    pub position: Vec<[f32; 2]>,
-    /// [half-resolution pixel][EXTRAS].
-    pub extras: Vec<f32>,
+    pub position: Activation,
+    /// EXTRAS channels at half resolution.
+    pub extras: Activation,
 }
 
 /// Where a pixel of the centre frame lies in a neighbour.
@@ -109,18 +107,22 @@ impl Corners {
 }
 
 /// Warps the last frame of `frames` (centre first, one a step) to the centre frame over `region`. `offset` is the neighbour's.
-pub fn warp(isa: Isa, frames: &[&PackedFrame], offset: i32, region: Rect, channels: &Channels, margin: usize) -> Warped {
+///
+/// The planes are at full resolution, four phases a channel: values, trust, modulation (see [`Channels`]).
+pub fn warp(isa: Isa, frames: &[&PackedFrame], offset: i32, region: Rect, channels: &Channels, margin: usize) -> (Planes, Warped) {
     let centre = frames[0];
     let path = Path { frames, sign: if offset > 0 { 1.0 } else { -1.0 }, rows: centre.padded_rows, columns: centre.padded_columns };
     let mut planes = Planes::new(channels.full() * FULL_PHASES, region.rows, region.columns, margin);
-    let mut position = vec![[0.0; 2]; region.area()];
-    let mut extras = vec![0.0; region.area() * EXTRAS];
+    let (mut position, mut extras) = (Activation::empty(), Activation::empty());
+    position.reset(region.rows, region.columns, 2);
+    extras.reset(region.rows, region.columns, EXTRAS);
     let distance = offset.unsigned_abs().min(2) as f32 / 2.0;
-    let positions = position.par_chunks_mut(region.columns);
-    let maps = extras.par_chunks_mut(region.columns * EXTRAS);
+    let positions = position.as_mut_slice().par_chunks_mut(2 * region.columns);
+    let maps = extras.as_mut_slice().par_chunks_mut(region.columns * EXTRAS);
     planes.rows_mut().zip(positions).zip(maps).enumerate().for_each(|(y, ((mut row, position), extras))| {
         let mut pixels = vec![[0.0; 8]; 2 * region.columns * frames[0].groups.len()];
         let mut maps = vec![[0.0; EXTRAS]; 2 * region.columns];
+        extras.fill(0.0);
         for dy in 0..2 {
             warp_row(isa, &path, region, 2 * (region.row + y) + dy, &mut pixels, &mut maps, position);
             for (x, from) in maps.iter().enumerate() {
@@ -143,7 +145,7 @@ pub fn warp(isa: Isa, frames: &[&PackedFrame], offset: i32, region: Rect, channe
         }
         extras.chunks_exact_mut(EXTRAS).for_each(|e| e[EXTRAS - 1] = distance);
     });
-    Warped { planes, position, extras }
+    (planes, Warped { position, extras })
 }
 
 /// One full-resolution row: warped pixels of every group, the maps, and (from even rows) the half-resolution positions.
@@ -155,7 +157,7 @@ fn warp_row_body<L: Lanes>(
     y: usize,
     pixels: &mut [[f32; 8]],
     maps: &mut [[f32; EXTRAS]],
-    position: &mut [[f32; 2]],
+    position: &mut [f32],
 ) {
     let neighbour = path.frames[path.frames.len() - 1];
     let width = 2 * region.columns;
@@ -182,7 +184,8 @@ fn warp_row_body<L: Lanes>(
         }
         if y % 2 == 0 && i % 2 == 0 {
             let half = ((region.column + i / 2) as f32, (y / 2) as f32);
-            position[i / 2] = [half.0 + (place.column - x as f32) * 0.5, half.1 + (place.row - y as f32) * 0.5];
+            position[i] = half.0 + (place.column - x as f32) * 0.5;
+            position[i + 1] = half.1 + (place.row - y as f32) * 0.5;
         }
     }
     ln_1p_body(l, &mut depths);
@@ -192,10 +195,10 @@ fn warp_row_body<L: Lanes>(
 }
 
 dispatch! {
-    fn warp_row(path: &Path, region: Rect, y: usize, pixels: &mut [[f32; 8]], maps: &mut [[f32; EXTRAS]], position: &mut [[f32; 2]]) = warp_row_body
+    fn warp_row(path: &Path, region: Rect, y: usize, pixels: &mut [[f32; 8]], maps: &mut [[f32; EXTRAS]], position: &mut [f32]) = warp_row_body
 }
 
-/// The centre frame's own planes over a region, in the layout of [`Warped::planes`].
+/// The centre frame's own planes over a region, in the layout of [`warp`]'s planes.
 pub fn centre_planes(frame: &PackedFrame, region: Rect, channels: &Channels, margin: usize) -> Planes {
     let mut planes = Planes::new(channels.full() * FULL_PHASES, region.rows, region.columns, margin);
     planes.rows_mut().enumerate().for_each(|(y, mut row)| {
@@ -210,6 +213,5 @@ pub fn centre_planes(frame: &PackedFrame, region: Rect, channels: &Channels, mar
             }
         }
     });
-    debug_assert!(COLOUR == 0);
     planes
 }

@@ -1,10 +1,26 @@
-//! Memory for f32 on 64-byte boundaries that grows and never shrinks.
+//! Memory for f32 on 64-byte boundaries that grows and never shrinks, and is kept for the next frame.
+//!
+//! A frame takes hundreds of MiB in a few dozen buffers; fresh pages for each would cost a tenth of its time.
 
 use std::alloc::{Layout, alloc_zeroed, dealloc, handle_alloc_error};
 use std::ptr::NonNull;
+use std::sync::{Mutex, PoisonError};
 
-/// `len` floats on a 64-byte boundary; fresh memory is zero.
-pub(super) struct Buffer {
+/// Buffers from this many floats on are kept when they are dropped.
+const KEPT_FROM: usize = 1 << 18;
+/// At most this many floats are kept (1.5 GiB).
+const KEPT_TOTAL: usize = 384 << 20;
+
+static KEPT: Mutex<Vec<Buffer>> = Mutex::new(Vec::new());
+
+/// Gives the memory that is kept for the next frame back to the system.
+pub fn release_memory() {
+    let kept = std::mem::take(&mut *KEPT.lock().unwrap_or_else(PoisonError::into_inner));
+    kept.into_iter().for_each(Buffer::free);
+}
+
+/// `len` floats on a 64-byte boundary.
+pub(crate) struct Buffer {
     start: NonNull<f32>,
     len: usize,
     capacity: usize,
@@ -22,21 +38,54 @@ impl Buffer {
 
     pub fn zeroed(len: usize) -> Self {
         let mut buffer = Self::empty();
-        buffer.reset(len);
+        if !buffer.grow(len) {
+            buffer.as_mut_slice().fill(0.0);
+        }
         buffer
     }
 
-    /// Makes it `len` floats long. What they hold is unspecified where the memory is reused, zero where it is fresh.
+    /// Makes it `len` floats long; what they hold is unspecified.
     pub fn reset(&mut self, len: usize) {
-        if len > self.capacity {
-            *self = Self::empty();
-            let layout = Self::layout(len);
-            // SAFETY: len > capacity ≥ 0, so the layout is not empty.
-            let memory = unsafe { alloc_zeroed(layout) };
-            self.start = NonNull::new(memory.cast()).unwrap_or_else(|| handle_alloc_error(layout));
-            self.capacity = len;
+        self.grow(len);
+    }
+
+    /// Makes it `len` floats long. Whether the memory is fresh, and so zero.
+    fn grow(&mut self, len: usize) -> bool {
+        if len <= self.capacity {
+            self.len = len;
+            return false;
         }
-        self.len = len;
+        *self = Self::empty();
+        if let Some(kept) = Self::kept(len) {
+            *self = kept;
+            self.len = len;
+            return false;
+        }
+        let layout = Self::layout(len);
+        // SAFETY: len > capacity ≥ 0, so the layout is not empty.
+        let memory = unsafe { alloc_zeroed(layout) };
+        self.start = NonNull::new(memory.cast()).unwrap_or_else(|| handle_alloc_error(layout));
+        (self.capacity, self.len) = (len, len);
+        true
+    }
+
+    /// The tightest kept buffer that holds `len` floats and is not twice too large.
+    fn kept(len: usize) -> Option<Self> {
+        if len < KEPT_FROM {
+            return None;
+        }
+        let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
+        let fits = kept.iter().enumerate().filter(|(_, b)| b.capacity >= len && b.capacity / 2 <= len);
+        let (best, _) = fits.min_by_key(|(_, b)| b.capacity)?;
+        Some(kept.swap_remove(best))
+    }
+
+    fn free(self) {
+        let buffer = std::mem::ManuallyDrop::new(self);
+        if buffer.capacity > 0 {
+            // SAFETY: allocated in `grow` with this very layout, and not dropped again.
+            unsafe { dealloc(buffer.start.as_ptr().cast(), Self::layout(buffer.capacity)) }
+        }
     }
 
     pub fn as_slice(&self) -> &[f32] {
@@ -56,10 +105,15 @@ impl Buffer {
 
 impl Drop for Buffer {
     fn drop(&mut self) {
-        if self.capacity > 0 {
-            // SAFETY: allocated in `reset` with this very layout.
-            unsafe { dealloc(self.start.as_ptr().cast(), Self::layout(self.capacity)) }
+        let buffer = std::mem::replace(self, Self::empty());
+        if buffer.capacity >= KEPT_FROM {
+            let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
+            if kept.iter().map(|b| b.capacity).sum::<usize>() + buffer.capacity <= KEPT_TOTAL {
+                kept.push(buffer);
+                return;
+            }
         }
+        buffer.free();
     }
 }
 

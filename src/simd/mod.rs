@@ -5,7 +5,7 @@
 //! for it and `pack` lays a tile's input out, with padding, ReLU, concatenation and up-sampling done on the way.
 
 mod activation;
-mod buffer;
+pub(crate) mod buffer;
 mod conv;
 pub mod dense;
 mod isa;
@@ -19,6 +19,7 @@ mod vector;
 mod tests;
 
 pub use activation::Activation;
+pub use buffer::release_memory;
 pub use conv::{Conv, Epilogue};
 pub use isa::Isa;
 pub use pack::Source;
