@@ -31,7 +31,8 @@ fn main() {
     let (columns, rows, window, frames) = (next(1920), next(1080), next(2), next(3));
     let engine = Engine::new(Settings::default()).expect("the embedded model loads");
     let encoded: Vec<_> = (0..2 * window + 1).map(|t| engine.encode(frame(rows, columns, t)).expect("encodes")).collect();
-    let neighbours: Vec<_> = (0..encoded.len()).filter(|t| *t != window).map(|t| (t as i32 - window as i32, &encoded[t])).collect();
+    let neighbours: Vec<_> =
+        (0..encoded.len()).filter(|t| *t != window).map(|t| (t as i32 - window as i32, &encoded[t])).collect();
     let mut times = Vec::new();
     for t in 0..frames + 1 {
         let frame = frame(rows, columns, t);

@@ -142,7 +142,9 @@ fn front(z: f32) -> f32 {
 /// One over the mean of the depths in front of the background, where the colour is finite; 1 where there are none.
 fn depth_scale(depth: ArrayView2<f32>, colour: ArrayView3<f32>) -> f32 {
     let finite = colour.lanes(ndarray::Axis(2));
-    let usable = ndarray::Zip::from(depth).and(finite).par_map_collect(|z, c| if c.iter().all(|v| v.is_finite()) { front(*z) } else { 0.0 });
+    let usable = ndarray::Zip::from(depth)
+        .and(finite)
+        .par_map_collect(|z, c| if c.iter().all(|v| v.is_finite()) { front(*z) } else { 0.0 });
     let (sum, count) = usable.iter().filter(|z| **z > 0.0).fold((0.0f64, 0u64), |(s, n), z| (s + f64::from(*z), n + 1));
     if count == 0 { 1.0 } else { (count as f64 / sum) as f32 }
 }

@@ -194,7 +194,8 @@ fn full_row_body<L: Lanes>(l: L, levels: &Levels, half: &Planes, reach: &[Reach]
             let centre = &logits.centre[phase * per_pixel * SEGMENT..];
             let coarse = &centre[counts.centre * SEGMENT..];
             let pair = |n: usize| &logits.pairs[n][phase * (counts.neighbour + 1) * SEGMENT..];
-            let mut taps = vec![Taps { image: &level.centre, phases: FULL_PHASES, offsets: &reach[phase].centre, logits: centre }];
+            let mut taps =
+                vec![Taps { image: &level.centre, phases: FULL_PHASES, offsets: &reach[phase].centre, logits: centre }];
             let mut albedo_taps = vec![Taps {
                 image: &level.centre,
                 phases: FULL_PHASES,
@@ -206,12 +207,15 @@ fn full_row_body<L: Lanes>(l: L, levels: &Levels, half: &Planes, reach: &[Reach]
                 let logits = &pair(n)[counts.neighbour * SEGMENT..];
                 albedo_taps.push(Taps { image, phases: FULL_PHASES, offsets: &albedo[phase].neighbours[n], logits });
             }
-            let coarse_taps = reach[phase].coarse.as_deref().map(|offsets| Taps { image: half, phases: 1, offsets, logits: coarse });
+            let coarse_taps =
+                reach[phase].coarse.as_deref().map(|offsets| Taps { image: half, phases: 1, offsets, logits: coarse });
             taps.extend(coarse_taps);
             for part in [0, 16] {
                 weigh(l, &albedo_taps, channels.mask(), y, x, part, &mut weights);
-                let modulation: [L::V; 3] =
-                    [0, 1, 2].map(|c| weighted(l, &albedo_taps, channels.modulation() + c, y, x, part, &weights));
+                let mut modulation = [l.splat(0.0); 3];
+                for (c, m) in modulation.iter_mut().enumerate() {
+                    *m = weighted(l, &albedo_taps, channels.modulation() + c, y, x, part, &weights);
+                }
                 weigh(l, &taps, channels.mask(), y, x, part, &mut weights);
                 for channel in 0..values {
                     let value = weighted(l, &taps, channel, y, x, part, &weights);

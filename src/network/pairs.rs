@@ -16,13 +16,26 @@ pub struct Neighbour<'a> {
 
 /// Copies 32 pixels of an image to [channel][32]; pixels past the row's end repeat its last. ReLU where asked.
 #[inline(always)]
-pub fn segment_of(row: &[f32], channels: usize, x: usize, relu: bool, out: &mut [f32]) {
+pub fn segment_of<L: Lanes>(l: L, row: &[f32], channels: usize, x: usize, relu: bool, out: &mut [f32]) {
     let last = row.len() / channels - 1;
-    for p in 0..SEGMENT {
-        let from = &row[(x + p).min(last) * channels..][..channels];
-        for (c, v) in from.iter().enumerate() {
-            out[c * SEGMENT + p] = if relu { v.max(0.0) } else { *v };
+    let low = l.splat(if relu { 0.0 } else { f32::NEG_INFINITY });
+    let mut block = [low; 16];
+    for part in (0..SEGMENT).step_by(16) {
+        for first in (0..channels).step_by(16) {
+            for p in 0..16 {
+                block[p] = l.max(l.load(row, (x + part + p).min(last) * channels + first), low);
+            }
+            store_columns(l, block, first, part, out);
         }
+    }
+}
+
+/// Writes sixteen pixels of sixteen channels to channels `first`… and pixels `part`… of [channel][32].
+#[inline(always)]
+fn store_columns<L: Lanes>(l: L, pixels: [L::V; 16], first: usize, part: usize, out: &mut [f32]) {
+    let columns = l.transpose(pixels);
+    for c in 0..16 {
+        l.store(columns[c], out, (first + c) * SEGMENT + part);
     }
 }
 
@@ -31,7 +44,7 @@ pub fn segment_of(row: &[f32], channels: usize, x: usize, relu: bool, out: &mut 
 pub fn gather<L: Lanes>(l: L, neighbour: Neighbour, region: Rect, y: usize, x: usize, out: &mut [f32]) {
     let (rows, columns, channels) = neighbour.features.shape();
     let features = neighbour.features.as_slice();
-    let mut block = [0.0; 16 * 16];
+    let mut block = [l.splat(0.0); 16];
     let mut index = [[0; 4]; 16];
     let mut weight = [[0.0; 4]; 16];
     for part in (0..SEGMENT).step_by(16) {
@@ -51,21 +64,24 @@ pub fn gather<L: Lanes>(l: L, neighbour: Neighbour, region: Rect, y: usize, x: u
                 for k in 0..4 {
                     sum = l.fma(l.splat(weight[p][k]), l.load(features, index[p][k] * channels + first), sum);
                 }
-                l.store(sum, &mut block, p * 16);
+                block[p] = sum;
             }
-            for c in 0..16 {
-                let to = &mut out[(first + c) * SEGMENT + part..][..16];
-                for p in 0..16 {
-                    to[p] = block[p * 16 + c];
-                }
-            }
+            store_columns(l, block, first, part, out);
         }
     }
 }
 
 /// [features + EXTRAS][32] at quarter resolution: 2×2 means of [`gather`]. `scratch` takes four times the size of `out`.
 #[inline(always)]
-pub fn gather_quarter<L: Lanes>(l: L, neighbour: Neighbour, region: Rect, y: usize, x: usize, scratch: &mut [f32], out: &mut [f32]) {
+pub fn gather_quarter<L: Lanes>(
+    l: L,
+    neighbour: Neighbour,
+    region: Rect,
+    y: usize,
+    x: usize,
+    scratch: &mut [f32],
+    out: &mut [f32],
+) {
     let size = out.len();
     for (i, part) in scratch[..4 * size].chunks_exact_mut(size).enumerate() {
         gather(l, neighbour, region, 2 * y + i / 2, 2 * x + i % 2 * SEGMENT, part);

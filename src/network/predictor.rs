@@ -129,7 +129,7 @@ impl Head {
         x: usize,
         out: &mut Logits,
     ) {
-        segment_of(features.row(y), self.width, x, true, &mut out.x);
+        segment_of(l, features.row(y), self.width, x, true, &mut out.x);
         self.centre.run(l, &out.x, None, false, &mut out.centre);
         if neighbours.is_empty() {
             return;

@@ -57,7 +57,15 @@ pub(super) fn region_row(image: &Activation, region: Rect, y: usize) -> &[f32] {
 }
 
 #[inline(always)]
-fn row_body<L: Lanes>(l: L, layers: &Temporal, centre: &Activation, neighbours: &[Neighbour], region: Rect, y: usize, out: &mut [f32]) {
+fn row_body<L: Lanes>(
+    l: L,
+    layers: &Temporal,
+    centre: &Activation,
+    neighbours: &[Neighbour],
+    region: Rect,
+    y: usize,
+    out: &mut [f32],
+) {
     let (features, width) = (layers.features, layers.width);
     let row = region_row(centre, region, y);
     let mut joined = vec![0.0; (features + width) * SEGMENT];
@@ -66,7 +74,7 @@ fn row_body<L: Lanes>(l: L, layers: &Temporal, centre: &Activation, neighbours: 
     let mut each = vec![0.0; layers.neighbour.output_len()];
     let mut mixed = vec![0.0; layers.mix.output_len()];
     for x in (0..region.columns).step_by(SEGMENT) {
-        segment_of(row, features, x, false, &mut joined);
+        segment_of(l, row, features, x, false, &mut joined);
         layers.centre.run(l, &joined, None, false, &mut base);
         joined[features * SEGMENT..].fill(0.0);
         let mut trust = [1.0f32; SEGMENT];
@@ -87,9 +95,16 @@ fn row_body<L: Lanes>(l: L, layers: &Temporal, centre: &Activation, neighbours: 
             }
         }
         layers.mix.run(l, &joined, None, false, &mut mixed);
-        for (p, to) in out[x * width..].chunks_exact_mut(width).take(SEGMENT).enumerate() {
-            for (c, to) in to.iter_mut().enumerate() {
-                *to = mixed[c * SEGMENT + p];
+        for part in (0..SEGMENT).step_by(16) {
+            for first in (0..width).step_by(16) {
+                let mut block = [l.splat(0.0); 16];
+                for c in 0..16 {
+                    block[c] = l.load(&mixed, (first + c) * SEGMENT + part);
+                }
+                let pixels = l.transpose(block);
+                for p in 0..16.min(region.columns.saturating_sub(x + part)) {
+                    l.store(pixels[p], out, (x + part + p) * width + first);
+                }
             }
         }
     }

@@ -109,9 +109,17 @@ impl Corners {
 /// Warps the last frame of `frames` (centre first, one a step) to the centre frame over `region`. `offset` is the neighbour's.
 ///
 /// The planes are at full resolution, four phases a channel: values, trust, modulation (see [`Channels`]).
-pub fn warp(isa: Isa, frames: &[&PackedFrame], offset: i32, region: Rect, channels: &Channels, margin: usize) -> (Planes, Warped) {
+pub fn warp(
+    isa: Isa,
+    frames: &[&PackedFrame],
+    offset: i32,
+    region: Rect,
+    channels: &Channels,
+    margin: usize,
+) -> (Planes, Warped) {
     let centre = frames[0];
-    let path = Path { frames, sign: if offset > 0 { 1.0 } else { -1.0 }, rows: centre.padded_rows, columns: centre.padded_columns };
+    let path =
+        Path { frames, sign: if offset > 0 { 1.0 } else { -1.0 }, rows: centre.padded_rows, columns: centre.padded_columns };
     let mut planes = Planes::new(channels.full() * FULL_PHASES, region.rows, region.columns, margin);
     let (mut position, mut extras) = (Activation::empty(), Activation::empty());
     position.reset(region.rows, region.columns, 2);

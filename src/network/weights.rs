@@ -68,7 +68,10 @@ impl Architecture {
         if taps.iter().any(|t| t % 2 == 0 || *t > 9) {
             return Err(format!("kernel widths {taps:?} must be odd, up to 9"));
         }
-        if self.blocks_half + self.blocks_quarter + self.blocks_eighth > 64 || self.lambda_hidden == 0 || self.lambda_hidden > 1024 {
+        if self.blocks_half + self.blocks_quarter + self.blocks_eighth > 64
+            || self.lambda_hidden == 0
+            || self.lambda_hidden > 1024
+        {
             return Err("more layers than any sound model has".into());
         }
         if !(self.albedo_epsilon > 0.0 && self.albedo_epsilon <= 1.0) {
@@ -112,7 +115,9 @@ impl Weights {
         let refuse = |reason: String| bad(name, reason);
         let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(|e| refuse(format!("not a safetensors file: {e}")))?;
         let mut record = metadata.metadata().clone().unwrap_or_default();
-        let text = record.remove(ARCHITECTURE_KEY).ok_or_else(|| refuse(format!("the header has no {ARCHITECTURE_KEY}: not a Hush model")))?;
+        let text = record
+            .remove(ARCHITECTURE_KEY)
+            .ok_or_else(|| refuse(format!("the header has no {ARCHITECTURE_KEY}: not a Hush model")))?;
         let architecture: Architecture = serde_json::from_str(&text).map_err(|e| refuse(format!("{ARCHITECTURE_KEY}: {e}")))?;
         architecture.check().map_err(refuse)?;
         let file = SafeTensors::deserialize(bytes).map_err(|e| refuse(format!("damaged: {e}")))?;
@@ -136,13 +141,23 @@ impl Weights {
     fn take(&self, key: &str, shape: &[usize]) -> Result<ArrayD<f32>> {
         let tensor = self.tensors.get(key).ok_or_else(|| bad(&self.name, format!("tensor {key} is missing")))?;
         if tensor.shape() != shape {
-            return Err(bad(&self.name, format!("tensor {key} has shape {:?}, the architecture wants {shape:?}", tensor.shape())));
+            return Err(bad(
+                &self.name,
+                format!("tensor {key} has shape {:?}, the architecture wants {shape:?}", tensor.shape()),
+            ));
         }
         Ok(tensor.clone())
     }
 
     /// A convolution's weights (outputs, inputs, size, size) and bias (outputs), or no bias where `biased` is false.
-    pub fn conv(&self, key: &str, outputs: usize, inputs: usize, size: usize, biased: bool) -> Result<(Array4<f32>, Option<Array1<f32>>)> {
+    pub fn conv(
+        &self,
+        key: &str,
+        outputs: usize,
+        inputs: usize,
+        size: usize,
+        biased: bool,
+    ) -> Result<(Array4<f32>, Option<Array1<f32>>)> {
         let weight = self.take(&format!("{key}.weight"), &[outputs, inputs, size, size])?;
         let weight = weight.into_dimensionality::<Ix4>().map_err(|e| bad(&self.name, format!("{key}: {e}")))?;
         let bias = if biased { Some(self.vector(&format!("{key}.bias"), outputs)?) } else { None };

@@ -70,7 +70,9 @@ mod tests {
 
     #[test]
     fn tiles_cover_the_frame_once_and_respect_the_area() {
-        for (rows, columns, area) in [(540, 960, usize::MAX), (1080, 1920, 600_000), (4, 8192, 9000), (4, 4, 1), (136, 240, 40_000)] {
+        for (rows, columns, area) in
+            [(540, 960, usize::MAX), (1080, 1920, 600_000), (4, 8192, 9000), (4, 4, 1), (136, 240, 40_000)]
+        {
             let all = tiles(rows, columns, 48, area);
             assert_eq!(all.iter().map(|t| t.core.area()).sum::<usize>(), rows * columns);
             for t in &all {

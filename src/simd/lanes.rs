@@ -31,6 +31,8 @@ pub trait Lanes: Copy + Send + Sync {
     fn round(self, v: Self::V) -> Self::V;
     /// m in √½…√2 and e with v = m·2ᵉ, for positive normal v.
     fn split(self, v: Self::V) -> (Self::V, Self::V);
+    /// Rows to columns.
+    fn transpose(self, rows: [Self::V; 16]) -> [Self::V; 16];
 
     /// eˣ for x in −87…88, to about 2 units in the last place (Cephes' polynomial).
     #[inline(always)]
@@ -124,7 +126,11 @@ impl Lanes for Portable {
     fn fma(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V {
         let mut out = [0.0; 16];
         for i in 0..16 {
-            out[i] = if cfg!(any(target_feature = "fma", target_arch = "aarch64")) { a[i].mul_add(b[i], c[i]) } else { a[i] * b[i] + c[i] };
+            out[i] = if cfg!(any(target_feature = "fma", target_arch = "aarch64")) {
+                a[i].mul_add(b[i], c[i])
+            } else {
+                a[i] * b[i] + c[i]
+            };
         }
         out
     }
@@ -155,6 +161,16 @@ impl Lanes for Portable {
         let exponent = |v: f32| (v.to_bits() as i32).wrapping_sub(SQRT_HALF) >> 23;
         let m = map2(v, v, |v, _| f32::from_bits((v.to_bits() as i32).wrapping_sub(exponent(v) << 23) as u32));
         (m, map2(v, v, |v, _| exponent(v) as f32))
+    }
+    #[inline(always)]
+    fn transpose(self, rows: [Self::V; 16]) -> [Self::V; 16] {
+        let mut out = [[0.0; 16]; 16];
+        for r in 0..16 {
+            for c in 0..16 {
+                out[c][r] = rows[r][c];
+            }
+        }
+        out
     }
 }
 
@@ -189,7 +205,7 @@ mod x86 {
         }
     }
 
-    macro_rules! avx512 {
+    macro_rules! proven {
         ($e:expr) => {
             // SAFETY: the token `self` proves that the CPU has these instructions; loads and stores go through checked arrays.
             unsafe { $e }
@@ -201,68 +217,98 @@ mod x86 {
         const TILE: usize = 12;
         #[inline(always)]
         fn splat(self, x: f32) -> __m512 {
-            avx512!(_mm512_set1_ps(x))
+            proven!(_mm512_set1_ps(x))
         }
         #[inline(always)]
         fn load(self, from: &[f32], at: usize) -> __m512 {
             let p = sixteen(from, at).as_ptr();
-            avx512!(_mm512_loadu_ps(p))
+            proven!(_mm512_loadu_ps(p))
         }
         #[inline(always)]
         fn store(self, v: __m512, to: &mut [f32], at: usize) {
             let p = to[at..at + 16].as_mut_ptr();
-            avx512!(_mm512_storeu_ps(p, v))
+            proven!(_mm512_storeu_ps(p, v))
         }
         #[inline(always)]
         fn add(self, a: __m512, b: __m512) -> __m512 {
-            avx512!(_mm512_add_ps(a, b))
+            proven!(_mm512_add_ps(a, b))
         }
         #[inline(always)]
         fn sub(self, a: __m512, b: __m512) -> __m512 {
-            avx512!(_mm512_sub_ps(a, b))
+            proven!(_mm512_sub_ps(a, b))
         }
         #[inline(always)]
         fn mul(self, a: __m512, b: __m512) -> __m512 {
-            avx512!(_mm512_mul_ps(a, b))
+            proven!(_mm512_mul_ps(a, b))
         }
         #[inline(always)]
         fn div(self, a: __m512, b: __m512) -> __m512 {
-            avx512!(_mm512_div_ps(a, b))
+            proven!(_mm512_div_ps(a, b))
         }
         #[inline(always)]
         fn fma(self, a: __m512, b: __m512, c: __m512) -> __m512 {
-            avx512!(_mm512_fmadd_ps(a, b, c))
+            proven!(_mm512_fmadd_ps(a, b, c))
         }
         #[inline(always)]
         fn max(self, a: __m512, b: __m512) -> __m512 {
-            avx512!(_mm512_max_ps(a, b))
+            proven!(_mm512_max_ps(a, b))
         }
         #[inline(always)]
         fn min(self, a: __m512, b: __m512) -> __m512 {
-            avx512!(_mm512_min_ps(a, b))
+            proven!(_mm512_min_ps(a, b))
         }
         #[inline(always)]
         fn where_positive(self, x: __m512, a: __m512) -> __m512 {
-            avx512!(_mm512_maskz_mov_ps(_mm512_cmp_ps_mask::<_CMP_GT_OQ>(x, _mm512_setzero_ps()), a))
+            proven!(_mm512_maskz_mov_ps(_mm512_cmp_ps_mask::<_CMP_GT_OQ>(x, _mm512_setzero_ps()), a))
         }
         #[inline(always)]
         fn scale2(self, v: __m512, n: __m512) -> __m512 {
-            avx512!({
+            proven!({
                 let bits = _mm512_slli_epi32::<23>(_mm512_add_epi32(_mm512_cvtps_epi32(n), _mm512_set1_epi32(127)));
                 _mm512_mul_ps(v, _mm512_castsi512_ps(bits))
             })
         }
         #[inline(always)]
         fn round(self, v: __m512) -> __m512 {
-            avx512!(_mm512_roundscale_ps::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(v))
+            proven!(_mm512_roundscale_ps::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(v))
         }
         #[inline(always)]
         fn split(self, v: __m512) -> (__m512, __m512) {
-            avx512!({
+            proven!({
                 let bits = _mm512_castps_si512(v);
                 let e = _mm512_srai_epi32::<23>(_mm512_sub_epi32(bits, _mm512_set1_epi32(SQRT_HALF)));
                 (_mm512_castsi512_ps(_mm512_sub_epi32(bits, _mm512_slli_epi32::<23>(e))), _mm512_cvtepi32_ps(e))
             })
+        }
+        #[inline(always)]
+        fn transpose(self, r: [__m512; 16]) -> [__m512; 16] {
+            let (mut t, mut u, mut out) = (r, r, r);
+            for i in 0..8 {
+                t[2 * i] = proven!(_mm512_unpacklo_ps(r[2 * i], r[2 * i + 1]));
+                t[2 * i + 1] = proven!(_mm512_unpackhi_ps(r[2 * i], r[2 * i + 1]));
+            }
+            for i in (0..16).step_by(4) {
+                proven!({
+                    let (a, b) = (_mm512_castps_pd(t[i]), _mm512_castps_pd(t[i + 1]));
+                    let (c, e) = (_mm512_castps_pd(t[i + 2]), _mm512_castps_pd(t[i + 3]));
+                    u[i] = _mm512_castpd_ps(_mm512_unpacklo_pd(a, c));
+                    u[i + 1] = _mm512_castpd_ps(_mm512_unpackhi_pd(a, c));
+                    u[i + 2] = _mm512_castpd_ps(_mm512_unpacklo_pd(b, e));
+                    u[i + 3] = _mm512_castpd_ps(_mm512_unpackhi_pd(b, e));
+                });
+            }
+            for k in 0..4 {
+                proven!({
+                    let (v0, v1) = (_mm512_shuffle_f32x4::<0x88>(u[k], u[4 + k]), _mm512_shuffle_f32x4::<0xdd>(u[k], u[4 + k]));
+                    let (w0, w1) =
+                        (_mm512_shuffle_f32x4::<0x88>(u[8 + k], u[12 + k]), _mm512_shuffle_f32x4::<0xdd>(u[8 + k], u[12 + k]));
+                    out[k] = _mm512_shuffle_f32x4::<0x88>(v0, w0);
+                    out[4 + k] = _mm512_shuffle_f32x4::<0x88>(v1, w1);
+                    out[8 + k] = _mm512_shuffle_f32x4::<0xdd>(v0, w0);
+                    out[12 + k] = _mm512_shuffle_f32x4::<0xdd>(v1, w1);
+                });
+            }
+            out
         }
     }
 
@@ -353,6 +399,38 @@ mod x86 {
             let m = both!(i => _mm256_castsi256_ps(_mm256_sub_epi32(_mm256_castps_si256(v[i]), _mm256_slli_epi32::<23>(e[i]))));
             (m, both!(i => _mm256_cvtepi32_ps(e[i])))
         }
+        #[inline(always)]
+        fn transpose(self, rows: [Self::V; 16]) -> [Self::V; 16] {
+            let mut out = rows;
+            for (down, across) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+                let mut r = [rows[0][0]; 8];
+                for i in 0..8 {
+                    r[i] = rows[8 * down + i][across];
+                }
+                let mut t = r;
+                for i in 0..4 {
+                    proven!({
+                        t[2 * i] = _mm256_unpacklo_ps(r[2 * i], r[2 * i + 1]);
+                        t[2 * i + 1] = _mm256_unpackhi_ps(r[2 * i], r[2 * i + 1]);
+                    });
+                }
+                for k in 0..2 {
+                    proven!({
+                        r[4 * k] = _mm256_shuffle_ps::<0x44>(t[4 * k], t[4 * k + 2]);
+                        r[4 * k + 1] = _mm256_shuffle_ps::<0xee>(t[4 * k], t[4 * k + 2]);
+                        r[4 * k + 2] = _mm256_shuffle_ps::<0x44>(t[4 * k + 1], t[4 * k + 3]);
+                        r[4 * k + 3] = _mm256_shuffle_ps::<0xee>(t[4 * k + 1], t[4 * k + 3]);
+                    });
+                }
+                for k in 0..4 {
+                    proven!({
+                        out[8 * across + k][down] = _mm256_permute2f128_ps::<0x20>(r[k], r[4 + k]);
+                        out[8 * across + 4 + k][down] = _mm256_permute2f128_ps::<0x31>(r[k], r[4 + k]);
+                    });
+                }
+            }
+            out
+        }
     }
 }
 
@@ -433,6 +511,29 @@ mod tests {
                 let exact = f64::from(*x).ln_1p();
                 assert!((f64::from(*y) - exact).abs() <= 4e-7 * exact, "{isa:?}: ln_1p({x}) = {y}");
             }
+        }
+    }
+
+    #[inline(always)]
+    fn transpose_body<L: Lanes>(l: L, from: &[f32], to: &mut [f32]) {
+        let mut rows = [l.splat(0.0); 16];
+        for i in 0..16 {
+            rows[i] = l.load(from, 16 * i);
+        }
+        let rows = l.transpose(rows);
+        for i in 0..16 {
+            l.store(rows[i], to, 16 * i);
+        }
+    }
+    dispatch!(fn transposed(from: &[f32], to: &mut [f32]) = transpose_body);
+
+    #[test]
+    fn transpose_swaps_rows_and_columns() {
+        let from: Vec<f32> = (0..256).map(|i| i as f32).collect();
+        for isa in Isa::available() {
+            let mut to = vec![0.0; 256];
+            transposed(isa, &from, &mut to);
+            assert!((0..256).all(|i| to[i] == from[i % 16 * 16 + i / 16]), "{isa:?}");
         }
     }
 
