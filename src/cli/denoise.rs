@@ -9,8 +9,8 @@ use super::size::parse_size;
 use super::{Exit, print, print_json, say};
 use crate::engine::{Engine, Settings};
 use crate::error::{Error, Result};
-use crate::io::select::{Guides, Selection};
 use crate::io::sequence::Sequence;
+use crate::io::{Guides, Selection};
 use crate::plan::frames::FrameSet;
 use crate::shot::{Action, CancelToken, Job, ModelId, Plan, Summary, remove_unfinished, run};
 
@@ -99,14 +99,18 @@ pub(super) fn denoise(args: DenoiseArgs) -> Result<Exit> {
     let job = args.into_job()?;
     if dry_run {
         let plan = Plan::new(&job)?;
-        if mode == Mode::Json { print_json(&plan) } else { show(&job, &plan) }
+        if mode == Mode::Json {
+            print_json(&plan)
+        } else {
+            show(&job, &plan)
+        }
         return Ok(Exit::Good);
     }
     if let Some(threads) = threads {
         let built = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads)).build_global();
         built.map_err(|e| Error::BadSetting { name: "threads", reason: e.to_string() })?;
     }
-    let settings = Settings { memory, ..Settings::default() };
+    let settings = Settings { memory };
     let engine = match &model {
         Some(path) => Engine::from_file(path, settings)?,
         None => Engine::new(settings)?,
@@ -121,12 +125,7 @@ pub(super) fn denoise(args: DenoiseArgs) -> Result<Exit> {
 impl DenoiseArgs {
     fn into_job(self) -> Result<Job> {
         let sequence = Sequence::find(&self.inputs)?;
-        let guides = Guides {
-            albedo: !self.no_albedo,
-            normal: !self.no_normal,
-            depth: !self.no_depth,
-            vector: !self.no_vector,
-        };
+        let guides = Guides { albedo: !self.no_albedo, normal: !self.no_normal, depth: !self.no_depth, vector: !self.no_vector };
         let selection = Selection {
             layer: self.layer,
             view: self.view,

@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::{Exit, print, print_json, say_error};
 use crate::error::Result;
-use crate::io::inspect::inspect;
+use crate::io::inspect;
 
 /// Prints what a file holds, what Hush will use and what is missing
 #[derive(Args)]

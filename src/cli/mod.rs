@@ -28,7 +28,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    Denoise(denoise::DenoiseArgs),
+    Denoise(Box<denoise::DenoiseArgs>),
     Inspect(inspect::InspectArgs),
 }
 
@@ -58,7 +58,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         }
     };
     let exit = match cli.command {
-        Command::Denoise(args) => denoise::denoise(args),
+        Command::Denoise(args) => denoise::denoise(*args),
         Command::Inspect(args) => inspect::inspect_files(&args),
     };
     exit.unwrap_or_else(|error| {

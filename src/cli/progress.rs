@@ -85,7 +85,8 @@ impl Progress {
             Event::Done(_) => self.bar.finish_and_clear(),
             _ => {}
         }
-        if let (Event::Start { .. } | Event::Warning(_) | Event::Error { .. } | Event::Done(_), Some(line)) = (event, line(event)) {
+        if let (Event::Start { .. } | Event::Warning(_) | Event::Error { .. } | Event::Done(_), Some(line)) = (event, line(event))
+        {
             self.bar.suspend(|| say(line));
         }
     }

@@ -24,14 +24,9 @@ mod tests {
 
     #[test]
     fn sizes_are_read() {
-        for (text, bytes) in [
-            ("4G", 4 << 30),
-            ("512m", 512 << 20),
-            ("1.5GiB", 3 << 29),
-            ("2 kb", 2048),
-            ("1T", 1 << 40),
-            ("1000", 1000),
-        ] {
+        for (text, bytes) in
+            [("4G", 4 << 30), ("512m", 512 << 20), ("1.5GiB", 3 << 29), ("2 kb", 2048), ("1T", 1 << 40), ("1000", 1000)]
+        {
             assert_eq!(parse_size(text), Ok(bytes), "{text}");
         }
         for bad in ["", "G", "4X", "-4G", "0", "4 G 2", "1e9G", "nan", "99999999T"] {

@@ -189,7 +189,10 @@ impl Found {
             };
         };
         if let Some((path, _)) = self.unnumbered.iter().find(|(_, explicit)| **explicit) {
-            return Err(bad(&path.to_string_lossy(), "has no frame number in its name, but the other files have: pass it by itself"));
+            return Err(bad(
+                &path.to_string_lossy(),
+                "has no frame number in its name, but the other files have: pass it by itself",
+            ));
         }
         let name = group_name(key, files);
         let frames: Vec<SequenceFrame> =

@@ -24,8 +24,10 @@ pub enum WarningKind {
     RepeatedNoise,
     /// The files hold a Noisy Image, so Combined may have been denoised.
     NoisyImage,
-    /// The guides are stored with lossy compression.
-    LossyGuides,
+    /// Frames lack a guide that would help.
+    MissingGuide,
+    /// Something to know about the files: several layers or views, lossy compression.
+    Note,
     /// A setting was changed or contradicts the shot.
     Setting,
     /// Files beside the sequence were left out.
@@ -34,8 +36,6 @@ pub enum WarningKind {
     Redone,
     /// The manifest cannot be read.
     Manifest,
-    /// The run leaves something undone that is not a frame's failure.
-    Output,
 }
 
 /// Something to tell the user once.
@@ -67,8 +67,10 @@ pub struct Header {
     pub vector: bool,
     /// The beauty is `Noisy Image`, and there is a Combined beside it.
     pub noisy_image: bool,
-    /// The name of the compression where it loses detail of the guides.
-    pub lossy: Option<String>,
+    /// Guides that may be used and are not there, with how to get them.
+    pub missing: Vec<(String, String)>,
+    /// What else there is to know about the file.
+    pub notes: Vec<String>,
 }
 
 /// Frames of the range without a file.
@@ -97,38 +99,66 @@ pub fn resolution(headers: &[Header]) -> Option<Warning> {
     Some(Warning::new(WarningKind::Resolution, format!("the resolution changes: {list}: {advice}")))
 }
 
-/// Advice for frames without a Vector pass, also used where that is an error.
-pub const VECTOR_ADVICE: &str = "enable View Layer › Passes › Data › Vector and render again, or pass --window 0";
+/// The Vector pass's name.
+pub const VECTOR: &str = "Vector";
+
+/// How to get a Vector pass, or do without.
+pub fn vector_advice(header: &Header) -> String {
+    let advice = header.missing.iter().find(|(pass, _)| pass == VECTOR).map(|(_, advice)| advice.as_str());
+    format!("{}, or pass --window 0", advice.unwrap_or("enable View Layer › Passes › Data › Vector"))
+}
 
 /// Frames without a Vector pass.
 pub fn no_vector(headers: &[Header]) -> Option<Warning> {
     let without: Vec<i64> = headers.iter().filter(|h| !h.vector).map(|h| h.number).collect();
-    let which = match without.len() {
-        0 => return None,
-        n if n == headers.len() => "no frame has".to_string(),
-        1 => format!("frame {} has no", without[0]),
-        _ => format!("frames {} have no", spans(&without)),
-    };
-    let which = which.replace("no frame has", "the frames have no");
-    let message = format!("{which} Vector pass and are denoised without their neighbours: {VECTOR_ADVICE}");
+    let advice = vector_advice(headers.iter().find(|h| !h.vector)?);
+    let which = which(&without, headers, "has", "have");
+    let message = format!("{which} no Vector pass, so neighbours cannot help there: {advice}");
     Some(Warning::new(WarningKind::NoVector, message))
+}
+
+/// Guides other than Vector that would help.
+pub fn missing_guides(headers: &[Header]) -> Vec<Warning> {
+    let missing = |h: &Header| h.missing.iter().filter(|(pass, _)| pass != VECTOR).cloned().collect();
+    let text = |((pass, advice), numbers): ((String, String), Vec<i64>)| {
+        format!("{} no {pass} pass, which would help: {advice}", which(&numbers, headers, "has", "have"))
+    };
+    gather(headers, missing).into_iter().map(|m| Warning::new(WarningKind::MissingGuide, text(m))).collect()
+}
+
+/// What the files' notes say.
+pub fn notes(headers: &[Header]) -> Vec<Warning> {
+    let text = |(note, numbers): (String, Vec<i64>)| match numbers.len() == headers.len() {
+        true => note,
+        false => format!("frames {}: {note}", spans(&numbers)),
+    };
+    gather(headers, |h| h.notes.clone()).into_iter().map(|n| Warning::new(WarningKind::Note, text(n))).collect()
+}
+
+/// The frames that have each of the things that `of` finds.
+fn gather<T: Ord>(headers: &[Header], of: impl Fn(&Header) -> Vec<T>) -> BTreeMap<T, Vec<i64>> {
+    let mut found: BTreeMap<T, Vec<i64>> = BTreeMap::new();
+    for h in headers {
+        of(h).into_iter().for_each(|thing| found.entry(thing).or_default().push(h.number));
+    }
+    found
+}
+
+/// The frames as the subject of a sentence.
+fn which(numbers: &[i64], headers: &[Header], one: &str, many: &str) -> String {
+    match numbers {
+        _ if numbers.len() == headers.len() => format!("the frames {many}"),
+        [number] => format!("frame {number} {one}"),
+        _ => format!("frames {} {many}", spans(numbers)),
+    }
 }
 
 /// Files with a Noisy Image beside Combined.
 pub fn noisy_image(headers: &[Header]) -> Option<Warning> {
     let with: Vec<i64> = headers.iter().filter(|h| h.noisy_image).map(|h| h.number).collect();
-    let which = if with.len() == headers.len() { "the files hold".into() } else { format!("frames {} hold", spans(&with)) };
+    let which = which(&with, headers, "holds", "hold");
     let message = format!("{which} a Noisy Image: it is denoised, not Combined, which Cycles may have denoised already");
     (!with.is_empty()).then(|| Warning::new(WarningKind::NoisyImage, message))
-}
-
-/// Guides in lossy compression.
-pub fn lossy_guides(headers: &[Header]) -> Option<Warning> {
-    let with: Vec<i64> = headers.iter().filter(|h| h.lossy.is_some()).map(|h| h.number).collect();
-    let method = headers.iter().find_map(|h| h.lossy.clone())?;
-    let which = if with.len() == headers.len() { "the files".into() } else { format!("frames {}", spans(&with)) };
-    let advice = "it blurs noise and guides alike; choose ZIP or PIZ under Output › File Format › Codec";
-    Some(Warning::new(WarningKind::LossyGuides, format!("{which} are compressed with {method}, which is lossy: {advice}")))
 }
 
 /// What the pixel checks need to know of a decoded frame; a few hundred kilobytes.
@@ -235,7 +265,7 @@ mod tests {
     use super::*;
 
     fn header(number: i64) -> Header {
-        Header { number, columns: 8, rows: 4, vector: true, noisy_image: false, lossy: None }
+        Header { number, columns: 8, rows: 4, vector: true, noisy_image: false, missing: vec![], notes: vec![] }
     }
 
     /// Noise from a seed, with or without vectors of a value.
@@ -248,7 +278,8 @@ mod tests {
 
     fn look(frames: &[Frame]) -> (Vec<WarningKind>, Option<WarningKind>) {
         let mut checks = PixelChecks::default();
-        let seen = frames.iter().enumerate().filter_map(|(n, f)| checks.look(n as i64, Glance::of(f)).warning.map(|w| w.kind)).collect();
+        let seen =
+            frames.iter().enumerate().filter_map(|(n, f)| checks.look(n as i64, Glance::of(f)).warning.map(|w| w.kind)).collect();
         (seen, checks.finish().map(|w| w.kind))
     }
 
@@ -258,7 +289,7 @@ mod tests {
         assert_eq!(resolution(&headers), None);
         assert_eq!(no_vector(&headers), None);
         assert_eq!(noisy_image(&headers), None);
-        assert_eq!(lossy_guides(&headers), None);
+        assert!(missing_guides(&headers).is_empty() && notes(&headers).is_empty());
         assert_eq!(missing_frames(&[]), None);
         assert_eq!(look(&[frame(1, Some(2.0)), frame(2, Some(2.0)), frame(3, Some(0.0))]), (vec![], None));
     }
@@ -268,11 +299,17 @@ mod tests {
         let small = Header { columns: 4, ..header(3) };
         let text = resolution(&[header(1), header(2), small]).unwrap().message;
         assert!(text.contains("4×4 in frames 3") && text.contains("8×4 in frames 1-2"), "{text}");
-        let still = Header { vector: false, ..header(12) };
-        assert!(no_vector(&[header(1), still.clone()]).unwrap().message.starts_with("frame 12 has no Vector pass"));
-        assert!(no_vector(&[still]).unwrap().message.starts_with("the frames have no Vector pass"));
-        let lossy = Header { lossy: Some("DWAA".into()), ..header(2) };
-        assert!(lossy_guides(&[header(1), lossy]).unwrap().message.starts_with("frames 2 are compressed with DWAA"));
+        let still = Header { vector: false, missing: vec![("Vector".into(), "do this".into())], ..header(12) };
+        let text = no_vector(&[header(1), still.clone()]).unwrap().message;
+        assert!(text.starts_with("frame 12 has no Vector pass") && text.ends_with("do this, or pass --window 0"), "{text}");
+        assert!(no_vector(&[still.clone()]).unwrap().message.starts_with("the frames have no Vector pass"));
+        assert!(missing_guides(&[still]).is_empty());
+        let bare = |n| Header { missing: vec![("Denoising Albedo".into(), "enable it".into())], ..header(n) };
+        let text = missing_guides(&[bare(1), header(2), bare(3)]).remove(0).message;
+        assert_eq!(text, "frames 1,3 have no Denoising Albedo pass, which would help: enable it");
+        let lossy = |n| Header { notes: vec!["lossy".into()], ..header(n) };
+        assert_eq!(notes(&[lossy(1), header(2)])[0].message, "frames 1: lossy");
+        assert_eq!(notes(&[lossy(1), lossy(2)])[0].message, "lossy");
         assert!(missing_frames(&[(3, 5), (9, 9)]).unwrap().message.contains("3-5,9"));
     }
 

@@ -23,6 +23,8 @@ pub enum Unused {
     Bad,
     /// It has another resolution.
     OtherSize,
+    /// It has other views or other light passes.
+    OtherPasses,
     /// The frame itself has no Vector pass to find its neighbours with.
     NoVector,
     /// A frame between the two is not used or has no Vector pass, so the motion cannot be followed.
@@ -49,8 +51,8 @@ pub enum Known {
     Missing,
     /// The file cannot be read.
     Bad,
-    /// Readable.
-    Good { columns: usize, rows: usize, vector: bool },
+    /// Readable. `passes` differs where the views or the light passes differ.
+    Good { columns: usize, rows: usize, vector: bool, passes: u64 },
 }
 
 /// The window of `radius` frames on each side of `centre`, ordered by offset. `known` tells about any frame number.
@@ -74,6 +76,7 @@ pub fn neighbours(centre: i64, radius: usize, known: impl Fn(i64) -> Known) -> V
                 (Known::Good { columns: c, rows: r, .. }, _, Known::Good { columns, rows, .. }) if (c, r) != (columns, rows) => {
                     Some(Unused::OtherSize)
                 }
+                (Known::Good { passes: a, .. }, _, Known::Good { passes: b, .. }) if a != b => Some(Unused::OtherPasses),
                 (_, Known::Good { vector: true, .. }, _) if !broken => None,
                 _ => Some(Unused::BrokenChain),
             };
@@ -89,7 +92,10 @@ pub fn neighbours(centre: i64, radius: usize, known: impl Fn(i64) -> Known) -> V
 /// Checks a window that was asked for.
 pub fn check_window(window: usize) -> Result<usize> {
     if window > MAX_WINDOW {
-        return Err(Error::BadSetting { name: "window", reason: format!("{window} is too wide: 0 to {MAX_WINDOW} frames a side") });
+        return Err(Error::BadSetting {
+            name: "window",
+            reason: format!("{window} is too wide: 0 to {MAX_WINDOW} frames a side"),
+        });
     }
     Ok(window)
 }
@@ -109,7 +115,7 @@ pub fn check_lambda(lambda: f32) -> Result<(f32, Option<String>)> {
 mod tests {
     use super::*;
 
-    const GOOD: Known = Known::Good { columns: 8, rows: 4, vector: true };
+    const GOOD: Known = Known::Good { columns: 8, rows: 4, vector: true, passes: 0 };
 
     fn reasons(centre: i64, radius: usize, shot: &[Known]) -> Vec<(i32, Option<Unused>)> {
         let known = |n: i64| usize::try_from(n).ok().and_then(|n| shot.get(n)).copied().unwrap_or(Known::Outside);
@@ -120,10 +126,7 @@ mod tests {
     fn the_ends_of_the_shot_narrow_the_window() {
         let shot = [GOOD; 4];
         assert_eq!(reasons(1, 1, &shot), [(-1, None), (1, None)]);
-        assert_eq!(
-            reasons(0, 2, &shot),
-            [(-2, Some(Unused::EndOfShot)), (-1, Some(Unused::EndOfShot)), (1, None), (2, None)]
-        );
+        assert_eq!(reasons(0, 2, &shot), [(-2, Some(Unused::EndOfShot)), (-1, Some(Unused::EndOfShot)), (1, None), (2, None)]);
         assert_eq!(reasons(2, 0, &shot), []);
     }
 
@@ -138,8 +141,10 @@ mod tests {
 
     #[test]
     fn sizes_and_vectors_decide() {
-        let still = Known::Good { columns: 8, rows: 4, vector: false };
-        let other = Known::Good { columns: 4, rows: 4, vector: true };
+        let still = Known::Good { columns: 8, rows: 4, vector: false, passes: 0 };
+        let other = Known::Good { columns: 4, rows: 4, vector: true, passes: 0 };
+        let stereo = Known::Good { columns: 8, rows: 4, vector: true, passes: 1 };
+        assert_eq!(reasons(0, 1, &[GOOD, stereo])[1], (1, Some(Unused::OtherPasses)));
         assert_eq!(reasons(0, 1, &[still, GOOD])[1], (1, Some(Unused::NoVector)));
         assert_eq!(reasons(0, 2, &[GOOD, still, GOOD])[2..], [(1, None), (2, Some(Unused::BrokenChain))]);
         assert_eq!(reasons(0, 2, &[GOOD, other, GOOD])[2..], [(1, Some(Unused::OtherSize)), (2, Some(Unused::BrokenChain))]);

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::io::select::{Guides, Selection};
 use crate::io::sequence::Sequence;
+use crate::io::{Guides, Selection};
 use crate::plan::frames::FrameSet;
 use crate::plan::window::{check_lambda, check_window};
 

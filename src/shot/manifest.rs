@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::events::Status;
 use super::job::FrameSettings;
 use crate::error::{Error, Result};
-use crate::io::atomic::write_atomically;
+use crate::io::write_atomically;
 use crate::plan::window::Unused;
 
 /// The manifest's file name in the output folder.

@@ -6,7 +6,7 @@ use std::time::{Duration, SystemTime};
 
 use super::job::Job;
 use crate::error::{Error, Result};
-use crate::io::atomic::is_part_file;
+use crate::io::is_part_file;
 
 /// Where a frame of the job goes: the output folder, the input's name.
 pub(super) fn output_path(job: &Job, source: &Path) -> PathBuf {

@@ -11,9 +11,9 @@ use super::manifest::{Entry, MANIFEST, Manifest, NeighbourEntry, Stamp};
 use super::output::{check_output, output_path};
 use super::source::Source;
 use crate::error::{Error, Result};
+use crate::io::is_complete;
 use crate::io::sequence::spans;
-use crate::io::validate::is_complete;
-use crate::plan::checks::{self, Header, VECTOR_ADVICE, Warning, WarningKind};
+use crate::plan::checks::{self, Header, Warning, WarningKind};
 use crate::plan::frames::{FrameSet, show_ranges};
 use crate::plan::window::{DEFAULT_WINDOW, Known, Neighbour, Unused, check_window, neighbours};
 
@@ -185,7 +185,7 @@ fn resolve_window(job: &Job, sources: &Sources, headers: &[Header], reach: usize
     match (job.window, without) {
         (Some(window), Some(h)) if window > 0 => {
             let path = sources.good.get(&h.number).map(|s| s.path.clone()).unwrap_or_default();
-            Err(Error::MissingPass { path, pass: "Vector".into(), advice: VECTOR_ADVICE.into() })
+            Err(Error::MissingPass { path, pass: checks::VECTOR.into(), advice: checks::vector_advice(h) })
         }
         (Some(window), _) => Ok(window),
         (None, _) => Ok(if headers.iter().any(|h| h.vector) { reach } else { 0 }),
@@ -203,7 +203,8 @@ fn header_warnings(job: &Job, headers: &[Header], gaps: &[(i64, i64)], note: Opt
     let vectors_wanted = job.selection.guides.vector && job.window != Some(0);
     warnings.extend(vectors_wanted.then(|| checks::no_vector(headers)).flatten());
     warnings.extend(checks::noisy_image(headers));
-    warnings.extend(checks::lossy_guides(headers));
+    warnings.extend(checks::missing_guides(headers));
+    warnings.extend(checks::notes(headers));
     if !job.sequence.ignored.is_empty() {
         let names = job.sequence.ignored.iter().take(3).map(|p| p.display().to_string()).collect::<Vec<_>>().join(", ");
         let message = format!("left out {names}: no frame number in the name (files left out: {})", job.sequence.ignored.len());

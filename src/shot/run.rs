@@ -12,12 +12,10 @@ use super::job::Job;
 use super::manifest::{Entry, Manifest};
 use super::output::prepare_folder;
 use super::prepare::{Action, Plan, PlannedFrame, is_degraded, missing_text};
-use super::source::Source;
 use crate::engine::{Denoised, EncodedFrame, Engine};
 use crate::error::{Error, Result};
 use crate::frame::Frame;
-use crate::io::read::read_frame;
-use crate::io::write::{WriteOptions, write_denoised};
+use crate::io::{Resolved, WriteOptions, write_views};
 use crate::plan::checks::{Glance, PixelChecks};
 use crate::plan::window::{Known, Neighbour, neighbours};
 
@@ -66,13 +64,14 @@ struct Run<'a> {
 /// A frame on its way through the decoder.
 struct Decoded {
     number: i64,
-    frame: Result<(Frame, Glance)>,
+    frame: Result<(Vec<Frame>, Glance)>,
 }
 
 /// A frame on its way to the writer.
 struct Work {
     index: usize,
-    denoised: Denoised,
+    /// One a view.
+    denoised: Vec<Denoised>,
     seconds: f64,
 }
 
@@ -85,7 +84,8 @@ struct Written {
 
 /// A frame of the sliding window.
 struct Slot {
-    encoded: EncodedFrame,
+    /// One a view.
+    encoded: Vec<EncodedFrame>,
     seconds: f64,
 }
 
@@ -132,7 +132,14 @@ impl<'a> Run<'a> {
         let plan = self.plan;
         let order = decode_order(&plan.frames);
         let ahead = usize::from(plan.sources.good.values().map(|s| s.bytes()).max().unwrap_or(0) <= BIG_FRAME);
-        let options = WriteOptions { keep_noisy: self.job.keep_noisy, ..WriteOptions::default() };
+        let made_by = format!(
+            "hush {}, lambda {}, window {}, model {}",
+            env!("CARGO_PKG_VERSION"),
+            plan.settings.lambda,
+            plan.settings.window,
+            plan.settings.model.name
+        );
+        let options = WriteOptions { keep_noisy: self.job.keep_noisy, attributes: vec![("hush".into(), made_by)] };
         thread::scope(|scope| {
             let (decoded_in, decoded) = sync_channel(ahead);
             let (work, work_out) = sync_channel(0);
@@ -184,12 +191,9 @@ impl<'a> Run<'a> {
                 true => Known::Bad,
                 false => plan.sources.known(n),
             });
-            let around: Vec<(i32, &EncodedFrame)> = window
-                .iter()
-                .filter(|n| n.unused.is_none())
-                .filter_map(|n| ring.get(&n.number).map(|slot| (n.offset, &slot.encoded)))
-                .collect();
-            let result = engine.denoise(&centre.encoded, &around, plan.settings.lambda);
+            let used = window.iter().filter(|n| n.unused.is_none());
+            let around: Vec<(i32, &Slot)> = used.filter_map(|n| ring.get(&n.number).map(|slot| (n.offset, slot))).collect();
+            let result = denoise_views(engine, centre, &around, plan.settings.lambda);
             let seconds = centre.seconds + began.elapsed().as_secs_f64();
             self.note_window(target, &window);
             match result {
@@ -213,13 +217,13 @@ impl<'a> Run<'a> {
     fn take_in(&mut self, decoded: Decoded, engine: &Engine, ring: &mut BTreeMap<i64, Slot>, pixels: &mut PixelChecks) {
         let Decoded { number, frame } = decoded;
         let began = Instant::now();
-        let encoded = frame.and_then(|(frame, glance)| {
+        let encoded = frame.and_then(|(views, glance)| {
             let seen = pixels.look(number, glance);
             self.notes.entry(number).or_default().extend(seen.note);
             if let Some(warning) = seen.warning {
                 (self.report)(Event::Warning(&warning));
             }
-            engine.encode(frame)
+            views.into_iter().map(|frame| engine.encode(frame)).collect()
         });
         match encoded {
             Ok(encoded) => _ = ring.insert(number, Slot { encoded, seconds: began.elapsed().as_secs_f64() }),
@@ -312,6 +316,16 @@ impl<'a> Run<'a> {
     }
 }
 
+/// Denoises each view with the same views of the frames around it.
+fn denoise_views(engine: &Engine, centre: &Slot, around: &[(i32, &Slot)], lambda: f32) -> Result<Vec<Denoised>> {
+    let view = |(index, centre): (usize, &EncodedFrame)| {
+        let neighbours: Vec<(i32, &EncodedFrame)> =
+            around.iter().filter_map(|(offset, slot)| Some((*offset, slot.encoded.get(index)?))).collect();
+        engine.denoise(centre, &neighbours, lambda)
+    };
+    centre.encoded.iter().enumerate().map(view).collect()
+}
+
 /// The frames to decode: those to do and the neighbours that they use, ascending.
 fn decode_order(frames: &[PlannedFrame]) -> Vec<i64> {
     let mut order: Vec<i64> = frames
@@ -327,10 +341,11 @@ fn decode_order(frames: &[PlannedFrame]) -> Vec<i64> {
 /// The decoder thread; ends when nobody takes its frames any more.
 fn decode(order: &[i64], plan: &Plan, to: SyncSender<Decoded>) {
     for &number in order {
-        let Some(Source { layout, resolved, .. }) = plan.sources.good.get(&number) else { return };
-        let frame = read_frame(layout, resolved).map(|frame| {
-            let glance = Glance::of(&frame);
-            (frame, glance)
+        let Some(source) = plan.sources.good.get(&number) else { return };
+        let frame = source.read().and_then(|views| {
+            let first = views.first().ok_or_else(|| Error::bad_file(&source.path, "holds no image"))?;
+            let glance = Glance::of(first);
+            Ok((views, glance))
         });
         if to.send(Decoded { number, frame }).is_err() {
             return;
@@ -343,7 +358,8 @@ fn write(plan: &Plan, options: &WriteOptions, from: &Receiver<Work>, to: &Sender
     for Work { index, denoised, seconds } in from {
         let Some(frame) = plan.frames.get(index) else { return };
         let Some(source) = plan.sources.good.get(&frame.frame) else { return };
-        let result = write_denoised(&source.layout, &source.resolved, &denoised, options, &frame.output).map(|_| ());
+        let views: Vec<(&Resolved, &Denoised)> = source.views.iter().zip(&denoised).collect();
+        let result = write_views(&source.layout, &views, options, &frame.output);
         let over = result.as_ref().err().is_some_and(|e| frame.output.parent().is_some_and(|folder| ends_the_run(e, folder)));
         if to.send(Written { index, result, seconds }).is_err() || over {
             return;
@@ -353,9 +369,7 @@ fn write(plan: &Plan, options: &WriteOptions, from: &Receiver<Work>, to: &Sender
 
 /// Whether an error is about the output folder itself, so that every further frame would meet it too.
 fn ends_the_run(error: &Error, output: &Path) -> bool {
-    use std::io::ErrorKind::{
-        NotADirectory, NotFound, PermissionDenied, QuotaExceeded, ReadOnlyFilesystem, StorageFull,
-    };
+    use std::io::ErrorKind::{NotADirectory, NotFound, PermissionDenied, QuotaExceeded, ReadOnlyFilesystem, StorageFull};
     match error {
         Error::Io { path, source } => {
             let kinds = [StorageFull, QuotaExceeded, ReadOnlyFilesystem, PermissionDenied, NotFound, NotADirectory];
