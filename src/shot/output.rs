@@ -1,7 +1,7 @@
 //! The output folder: never the inputs' own, never foreign files, no leftovers.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
 use super::job::Job;
@@ -41,9 +41,16 @@ fn resolve_folder(folder: &Path) -> PathBuf {
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let absolute = std::path::absolute(folder).unwrap_or_else(|_| folder.into());
     for ancestor in absolute.ancestors() {
-        if let (Ok(real), Ok(rest)) = (fs::canonicalize(ancestor), absolute.strip_prefix(ancestor)) {
-            return if rest.as_os_str().is_empty() { real } else { real.join(rest) };
+        let (Ok(mut real), Ok(rest)) = (fs::canonicalize(ancestor), absolute.strip_prefix(ancestor)) else { continue };
+        // What is not there yet holds no links, so its dots mean what they say.
+        for component in rest.components() {
+            match component {
+                Component::ParentDir => _ = real.pop(),
+                Component::Normal(name) => real.push(name),
+                _ => {}
+            }
         }
+        return real;
     }
     absolute
 }
