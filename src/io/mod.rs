@@ -13,6 +13,7 @@ mod plan;
 mod read;
 mod recombine;
 mod select;
+pub mod sequence;
 mod source;
 mod validate;
 mod write;
