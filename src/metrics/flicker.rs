@@ -6,7 +6,7 @@ use super::Pair;
 use super::pair::mean_by_rows;
 use crate::error::{Error, Result};
 
-/// As in [`super::smape`].
+/// As in [`super::smape::EPSILON`].
 pub const EPSILON: f64 = 1e-2;
 
 /// Mean |Δd − Δr| / (|dₜ| + |rₜ| + ε) over pixels and channels, ε = 0.01, where Δd = dₜ − W(dₜ₋₁) and Δr = rₜ − W(rₜ₋₁) are the
@@ -32,11 +32,12 @@ pub fn flicker(previous: &Pair, current: &Pair, vectors: Option<ArrayView3<f32>>
         });
     }
     let error_at = |row: usize, column: usize| {
-        let (r, d) = current.pixel(row, column)?;
+        let (r, d) = current.raw(row, column)?;
         let (x, y) = vectors.map_or((0.0, 0.0), |v| (f64::from(v[(row, column, 0)]), f64::from(v[(row, column, 1)])));
         let before = sampled_error(previous, column as f64 + x, row as f64 - y)?;
         // Δd − Δr is the error of this frame less the warped error of the last one, as W is linear.
-        let change = |i: usize| (d[i] - r[i] - before[i] * current.gain()).abs() / (d[i].abs() + r[i].abs() + EPSILON);
+        let gain = current.gain();
+        let change = |i: usize| (d[i] - r[i] - before[i]).abs() * gain / ((d[i].abs() + r[i].abs()) * gain + EPSILON);
         Some(change(0) + change(1) + change(2))
     };
     let row_sum = |row| {
