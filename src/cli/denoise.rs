@@ -39,10 +39,10 @@ pub(super) struct DenoiseArgs {
     /// Frames to write, such as 1-48,60; frames beside them still help [default: all]
     #[arg(short, long, allow_hyphen_values = true)]
     frames: Option<FrameSet>,
-    /// View layer to denoise [default: the first]
+    /// View layer to denoise [default: the one with the most samples]
     #[arg(long, value_name = "NAME")]
     layer: Option<String>,
-    /// Stereo view to denoise
+    /// Stereo view to denoise [default: all]
     #[arg(long, value_name = "NAME")]
     view: Option<String>,
     /// View layer to take the Vector pass from, such as one without motion blur

@@ -1,6 +1,7 @@
 //! The command line: turns arguments into calls of the library and results into words and exit codes.
 
 mod denoise;
+mod eval;
 mod inspect;
 mod progress;
 mod size;
@@ -30,6 +31,7 @@ struct Cli {
 enum Command {
     Denoise(Box<denoise::DenoiseArgs>),
     Inspect(inspect::InspectArgs),
+    Eval(eval::EvalArgs),
 }
 
 /// Why the process ends as it does.
@@ -60,6 +62,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let exit = match cli.command {
         Command::Denoise(args) => denoise::denoise(*args),
         Command::Inspect(args) => inspect::inspect_files(&args),
+        Command::Eval(args) => eval::eval(&args),
     };
     exit.unwrap_or_else(|error| {
         say_error(&error);
