@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::io::sequence::Sequence;
 use crate::io::{Guides, Selection};
 use crate::plan::frames::FrameSet;
-use crate::shot::{Action, CancelToken, Job, ModelId, Plan, Summary, remove_unfinished, run};
+use crate::shot::{Action, CancelToken, Event, Job, ModelId, Plan, Summary, remove_unfinished, run};
 
 /// Denoises the frames of a shot
 ///
@@ -95,6 +95,19 @@ pub(super) struct DenoiseArgs {
 /// Runs the subcommand.
 pub(super) fn denoise(args: DenoiseArgs) -> Result<Exit> {
     let mode = Mode::choose(args.quiet, args.json);
+    let progress = Progress::new(mode);
+    let done = denoise_with(args, mode, &progress);
+    match done {
+        // A machine that reads events finds this one there too.
+        Err(error) if mode == Mode::Json => {
+            progress.report(&Event::Error { frame: None, message: error.to_string() });
+            Err(error)
+        }
+        done => done,
+    }
+}
+
+fn denoise_with(args: DenoiseArgs, mode: Mode, progress: &Progress) -> Result<Exit> {
     let (dry_run, threads, memory, model) = (args.dry_run, args.threads, args.memory, args.model.clone());
     let job = args.into_job()?;
     if dry_run {
@@ -117,7 +130,6 @@ pub(super) fn denoise(args: DenoiseArgs) -> Result<Exit> {
     };
     let cancel = CancelToken::new();
     stop_on_signal(&cancel, &job.output)?;
-    let progress = Progress::new(mode);
     let summary = run(&job, &engine, &|event| progress.report(&event), &cancel)?;
     Ok(exit_of(&summary))
 }
