@@ -162,8 +162,7 @@ pub fn resolve(layout: &Layout, selection: &Selection) -> Result<Resolved> {
     if let (None, Some(view), false) = (&selection.view, view, other_views.is_empty()) {
         notes.push(format!("The file holds several views; this is {view}, beside {}.", other_views.join(", ")));
     }
-    if wanted.vector && vector.is_some() && lossy(layout, &vector) || [&albedo, &normal, &depth].iter().any(|g| lossy(layout, g))
-    {
+    if [&albedo, &normal, &depth, &vector].iter().any(|guide| lossy(layout, guide)) {
         notes.push(
             "The guides went through lossy compression (DWA or B44), which blurs edges: save with ZIP or PIZ for a better result."
                 .into(),

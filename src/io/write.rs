@@ -30,7 +30,7 @@ pub struct WriteOptions {
 /// byte for byte; in parts with one, lossless compression keeps the other channels' bits, while lossy compression encodes them
 /// again (see [`caveats`]). The pass that `resolved.target` names takes the denoised colour, its alpha the denoised alpha where
 /// there is one. Light passes are divided by their Color pass again; where Color is below 1e-4 and the contribution is not zero,
-/// the written Color is raised to 1e-4 (in half-float files further where the quotient would overflow), so that Color × pass
+/// the written Color is raised to 1e-4 (1/64 under DWA and B44; in half-float files further where the quotient would overflow), so that Color × pass
 /// equals the denoised contribution. Half-float channels are clamped to ±65504. The file is written aside and renamed into place.
 ///
 /// # Errors
@@ -138,7 +138,7 @@ fn collect_edits<'a>(
         check(&aov.name, (r, c))?;
         channels(&aov.name, k)?;
     }
-    let lights = light_planes(&layout.path, source, resolved, &denoised.aovs)?;
+    let lights = light_planes(layout, source, resolved, &denoised.aovs)?;
     edits.extend(lights.into_iter().map(|(place, plane)| (place, plane.into())));
     let written = resolved.target.channels.iter().chain(&resolved.target_alpha);
     written.into_iter().try_for_each(|channel| check_channel(&layout.path, source, channel))

@@ -1,15 +1,15 @@
 //! Compares the frames of a denoised shot with their references.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use ndarray::Array3;
 
 use super::images::{Images, read};
+use super::pairing::{Item, pair_up};
 use super::report::{FrameReport, Motion, Report, Scores, mean};
 use super::{Pair, Scaling, flicker, flip, psnr, relmse, smape, ssim};
 use crate::error::{Error, Result};
-use crate::io::sequence::{Sequence, spans};
+use crate::io::sequence::spans;
 
 /// How to compare.
 #[derive(Clone, Debug, Default)]
@@ -67,14 +67,6 @@ pub fn evaluate(reference: &Path, denoised: &Path, options: &EvaluateOptions) ->
     Ok(Report { scaling: options.scaling, mean: mean(&frames), frames, warnings })
 }
 
-/// The files of one frame.
-struct Item {
-    frame: i64,
-    reference: PathBuf,
-    denoised: Option<PathBuf>,
-    vectors: Option<PathBuf>,
-}
-
 struct Outcome {
     images: Images,
     /// Why there is no flicker although the frame before is there.
@@ -90,48 +82,6 @@ struct Traits {
     still: Vec<i64>,
     /// The reference's Combined went through a denoiser.
     denoised_reference: Vec<i64>,
-}
-
-/// Every reference's frame with its counterparts, and what was left over.
-fn pair_up(reference: &Path, denoised: &Path, vectors: Option<&Path>) -> Result<(Vec<Item>, Vec<String>)> {
-    let references = files(reference)?;
-    let mut results = files(denoised)?;
-    let mut guides = vectors.map(files).transpose()?.unwrap_or_default();
-    if reference.is_file() && denoised.is_file() {
-        let frame = references.keys().next().copied();
-        let renumber = |map: BTreeMap<i64, PathBuf>| frame.into_iter().zip(map.into_values()).collect();
-        results = renumber(results);
-        if vectors.is_some_and(Path::is_file) {
-            guides = renumber(guides);
-        }
-    }
-    let numbers = |map: &BTreeMap<i64, PathBuf>| spans(&map.keys().copied().collect::<Vec<_>>());
-    if !references.keys().any(|n| results.contains_key(n)) {
-        return Err(Error::BadInput {
-            input: denoised.display().to_string(),
-            reason: format!(
-                "no frame has a reference: frames {} here, {} in {}",
-                numbers(&results),
-                numbers(&references),
-                reference.display()
-            ),
-        });
-    }
-    let mut warnings = Vec::new();
-    let extra: Vec<i64> = results.keys().copied().filter(|n| !references.contains_key(n)).collect();
-    if !extra.is_empty() {
-        warnings.push(format!("Not compared, as they have no reference: denoised frames {}.", spans(&extra)));
-    }
-    let items = references
-        .into_iter()
-        .map(|(frame, reference)| Item { frame, reference, denoised: results.remove(&frame), vectors: guides.remove(&frame) })
-        .collect();
-    Ok((items, warnings))
-}
-
-/// The files that a path names, by frame number.
-fn files(path: &Path) -> Result<BTreeMap<i64, PathBuf>> {
-    Ok(Sequence::find(&[path])?.frames.into_iter().map(|f| (f.number, f.path)).collect())
 }
 
 /// Reads and compares one frame; writes what it finds into `row`.
@@ -247,9 +197,10 @@ fn remarks(frames: &[FrameReport], traits: &Traits, vectors_given: bool) -> Vec<
 
 #[cfg(test)]
 mod tests {
+    use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, SmallVec, WritableImage};
+
     use super::super::pair::samples::formula;
     use super::*;
-    use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, SmallVec, WritableImage};
 
     const LIGHT: [&str; 3] = ["ViewLayer.Combined.R", "ViewLayer.Combined.G", "ViewLayer.Combined.B"];
     const VECTOR: [&str; 4] = ["ViewLayer.Vector.X", "ViewLayer.Vector.Y", "ViewLayer.Vector.Z", "ViewLayer.Vector.W"];

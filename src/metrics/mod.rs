@@ -10,6 +10,7 @@ pub mod flicker;
 pub mod flip;
 mod images;
 pub mod pair;
+mod pairing;
 pub mod psnr;
 pub mod relmse;
 pub mod report;
