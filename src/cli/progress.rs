@@ -3,7 +3,7 @@
 use std::io::IsTerminal;
 use std::time::Duration;
 
-use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
 use super::{print_json, say};
 use crate::shot::{Event, Status, Summary};
@@ -66,9 +66,10 @@ impl Progress {
     fn update_bar(&self, event: &Event<'_>) {
         match event {
             Event::Start { frames, .. } => {
-                let template = "{bar:30} {pos}/{len} frames · {per_sec} · {eta} left{msg}";
+                let template = "{bar:30} {pos}/{len} frames · {rate} · {eta} left{msg}";
                 if let Ok(style) = ProgressStyle::with_template(template) {
-                    self.bar.set_style(style);
+                    let rate = |state: &ProgressState, to: &mut dyn std::fmt::Write| _ = write!(to, "{:.2}/s", state.per_sec());
+                    self.bar.set_style(style.with_key("rate", rate));
                 }
                 self.bar.set_length(*frames as u64);
                 self.bar.set_draw_target(ProgressDrawTarget::stderr());

@@ -9,6 +9,7 @@ mod inspect;
 mod layout;
 mod lights;
 mod names;
+mod numbering;
 mod plan;
 mod read;
 mod recombine;

@@ -273,7 +273,7 @@ impl<'a> Run<'a> {
 
     fn stop(&mut self, error: Error) {
         if self.summary.stopped.is_none() {
-            (self.report)(Event::Error { frame: None, message: format!("stopped: {error}") });
+            (self.report)(Event::Error { frame: None, message: format!("stopped: {error}; run again to continue") });
             self.summary.stopped = Some(error);
         }
     }
@@ -381,4 +381,23 @@ fn ends_the_run(error: &Error, output: &Path) -> bool {
 
 fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::ErrorKind;
+
+    use super::*;
+
+    #[test]
+    fn only_errors_of_the_output_folder_end_the_run() {
+        let out = Path::new("out");
+        let error = |path: &str, kind: ErrorKind| Error::io(path, kind.into());
+        for kind in [ErrorKind::StorageFull, ErrorKind::QuotaExceeded, ErrorKind::PermissionDenied, ErrorKind::NotFound] {
+            assert!(ends_the_run(&error("out/f_0001.exr", kind), out), "{kind}");
+            assert!(!ends_the_run(&error("shot/f_0001.exr", kind), out), "{kind}");
+        }
+        assert!(!ends_the_run(&error("out/f_0001.exr", ErrorKind::Interrupted), out));
+        assert!(!ends_the_run(&Error::bad_file("out/f_0001.exr", "is damaged"), out));
+    }
 }
