@@ -92,7 +92,8 @@ fn mutated_files_give_a_file_or_an_error() {
 fn garbage_is_no_exr_file() {
     let (_folder, source, _) = folder();
     let magic = [0x76, 0x2f, 0x31, 0x01];
-    for bytes in [vec![], b"hello".to_vec(), vec![0; 5000], magic.to_vec(), [&magic[..], &[2, 0, 0, 0]].concat(), vec![0xff; 300]] {
+    for bytes in [vec![], b"hello".to_vec(), vec![0; 5000], magic.to_vec(), [&magic[..], &[2, 0, 0, 0]].concat(), vec![0xff; 300]]
+    {
         std::fs::write(&source, &bytes).unwrap();
         assert!(read_layout(&source).is_err() && is_complete(&source).is_err(), "{} bytes", bytes.len());
     }

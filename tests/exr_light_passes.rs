@@ -49,7 +49,10 @@ fn contributions_recombine() {
                 assert_eq!(resolved.aovs.iter().map(|a| a.name.clone()).collect::<Vec<_>>(), wanted);
                 let frame = read_frame(&layout, &resolved).unwrap();
                 let all = resolve(&layout, &Selection { aovs: vec!["all".into()], ..Selection::default() }).unwrap();
-                assert_eq!(all.aovs.iter().map(|a| a.name.as_str()).collect::<Vec<_>>(), [names[0], names[1], names[3], names[4]]);
+                assert_eq!(
+                    all.aovs.iter().map(|a| a.name.as_str()).collect::<Vec<_>>(),
+                    [names[0], names[1], names[3], names[4]]
+                );
 
                 let aovs: Vec<Aov> =
                     frame.aovs.iter().map(|a| Aov { name: a.name.clone(), image: spread(&a.image, scale) }).collect();

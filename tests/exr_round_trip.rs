@@ -345,7 +345,7 @@ fn half_floats_are_clamped_and_attributes_added() {
     let red = &pixels[&(String::new(), "ViewLayer.Combined.R".to_string())].1;
     assert_eq!(float(SampleType::F16, red[0]), -65504.0);
     assert!(red[1..].iter().all(|&b| float(SampleType::F16, b) == 65504.0));
-    let added = |h: &exr::meta::header::Header| h.own_attributes.other.keys().any(|k| k.to_string() == "hush.lambda");
+    let added = |h: &exr::meta::header::Header| h.own_attributes.other.keys().any(|k| k.eq("hush.lambda"));
     assert!(meta.headers.iter().all(added));
     for name in ["", "compression", "name"] {
         let options = WriteOptions { attributes: vec![(name.into(), "x".into())], ..WriteOptions::default() };
