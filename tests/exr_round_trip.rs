@@ -230,6 +230,24 @@ fn plain_images_are_colour_alone() {
     assert!(!resolved.surely_noisy);
 }
 
+/// Blender 5 names the only part after the pass, and would not see a second pass in it.
+#[test]
+fn a_named_single_part_gets_a_second_part_for_the_noisy_image() {
+    for tiles in [None, Some(16)] {
+        let (_folder, source, output) = folder();
+        let channels = pass("ViewLayer.Combined", "RGBA", SampleType::F16, SIZE, 1);
+        let style = Style { tiles, ..Style::new(Compression::ZIP16) };
+        write(&source, vec![Part { name: Some("ViewLayer.Combined".into()), channels, ..Part::default() }], style);
+        assert!(!read_layout(&source).unwrap().multipart);
+        denoise(&source, &output, &Selection::default(), &KEEP);
+        compare(&source, &output, is_beauty, 4, 0.0, "one pass");
+        let layout = read_layout(&output).unwrap();
+        let names: Vec<_> = layout.part_list.iter().filter_map(|p| p.name.as_deref()).collect();
+        assert!(layout.multipart);
+        assert_eq!(names, ["ViewLayer.Combined", "ViewLayer.Noisy Image"]);
+    }
+}
+
 #[test]
 fn noisy_image_wins_and_stays() {
     for multipart in [false, true] {
@@ -345,7 +363,7 @@ fn half_floats_are_clamped_and_attributes_added() {
     let red = &pixels[&(String::new(), "ViewLayer.Combined.R".to_string())].1;
     assert_eq!(float(SampleType::F16, red[0]), -65504.0);
     assert!(red[1..].iter().all(|&b| float(SampleType::F16, b) == 65504.0));
-    let added = |h: &exr::meta::header::Header| h.own_attributes.other.keys().any(|k| k.to_string() == "hush.lambda");
+    let added = |h: &exr::meta::header::Header| h.own_attributes.other.keys().any(|k| k.eq("hush.lambda"));
     assert!(meta.headers.iter().all(added));
     for name in ["", "compression", "name"] {
         let options = WriteOptions { attributes: vec![(name.into(), "x".into())], ..WriteOptions::default() };

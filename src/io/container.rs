@@ -5,6 +5,8 @@ use std::io::Read;
 /// Longest header block that is believed; Blender's largest (Cryptomatte manifests in every part) stay far below.
 const MAX_HEADER_BYTES: u64 = 256 << 20;
 const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
+/// Version-field flag: the only part is tiled.
+const TILED: u32 = 1 << 9;
 /// Version-field flag: names may be up to 255 bytes.
 const LONG_NAMES: u32 = 1 << 10;
 /// Version-field flag: several parts.
@@ -65,6 +67,16 @@ impl Prologue {
     /// Whether chunks carry part numbers.
     pub fn is_multipart(&self) -> bool {
         self.version & MULTIPART != 0
+    }
+
+    /// Turns a single-part file into one of the multi-part kind, which demands each part's chunk count and type.
+    pub fn make_multipart(&mut self, chunk_counts: &[usize]) {
+        let kind = if self.version & TILED != 0 { "tiledimage" } else { "scanlineimage" };
+        for (header, &count) in self.headers.iter_mut().zip(chunk_counts).filter(|_| self.version & MULTIPART == 0) {
+            header.set("chunkCount", "int", (count as i32).to_le_bytes().to_vec());
+            header.set("type", "string", kind.into());
+        }
+        self.version = (self.version | MULTIPART) & !TILED;
     }
 
     /// The bytes of the file up to the chunk tables. Raises the long-names flag where a name needs it.

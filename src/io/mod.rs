@@ -1,6 +1,7 @@
 //! Files in and out: Blender's multilayer EXR files, read pass by pass and written back with only the denoised passes changed.
 //!
-//! [`read_layout`] → [`resolve`] → [`read_frame`] → … → [`write_denoised`]; [`inspect`](inspect()) tells an artist what a file holds.
+//! [`read_layout`] → [`resolve`] → [`read_frame`] → … → [`write_denoised`]; [`inspect`](inspect()) tells an artist what a file
+//! holds. [`resolve_views`] and [`write_views`] do the same for all the views of a stereo file.
 
 mod atomic;
 mod codec;

@@ -46,6 +46,8 @@ struct OutPart {
 pub(crate) struct Plan {
     prologue: Prologue,
     parts: Vec<OutPart>,
+    /// Of each part of the source.
+    chunk_counts: Vec<usize>,
 }
 
 /// A plan that is ready to be written.
@@ -74,30 +76,35 @@ impl Plan {
             OutPart { source: part, channels: channels.into_iter().enumerate().map(|(i, c)| (c, origin(i))).collect() }
         };
         let parts = source.prologue.headers.iter().enumerate().map(part).collect();
-        Self { prologue: source.prologue.clone(), parts }
+        let chunk_counts = source.headers.iter().map(|h| h.chunk_count).collect();
+        Self { prologue: source.prologue.clone(), parts, chunk_counts }
     }
 
     /// Adds the noisy input as a pass, in the file's own style: a part, or channels in the only part.
     pub fn keep_noisy(&mut self, layout: &Layout, resolved: &Resolved) -> Result<()> {
         let there = layout.layer(&resolved.layer).is_some_and(|l| l.pass(NOISY, resolved.view.as_deref()).is_some());
         let Some(part) = resolved.colour.channels.first().map(|c| c.part).filter(|_| !there) else { return Ok(()) };
+        let Some(place) = layout.part_list.get(part) else { return Ok(()) };
+        // Blender 5 names the only part of a one-pass file after the pass, and then sees that pass alone: it wants a second part.
+        let own_part = layout.multipart || place.name.as_ref().is_some_and(|n| !n.is_empty());
         let kept = resolved.colour.channels.iter().chain(&resolved.alpha);
         let mut added = Vec::new();
         for channel in kept.filter(|c| c.part == part) {
             let Some((raw, _)) = self.parts[part].channels.get(channel.index) else { continue };
-            let name = noisy_name(layout, resolved, &channel.component, !layout.multipart);
+            let name = noisy_name(layout, resolved, &channel.component, !own_part);
             if name.len() > 255 {
                 return Err(Error::bad_file(&layout.path, "has layer names too long for adding the pass Noisy Image"));
             }
             added.push((RawChannel { name: name.into_bytes(), ..raw.clone() }, Origin::Copy(channel.index)));
         }
-        if !layout.multipart {
+        if !own_part {
             self.parts[part].channels.extend(added);
             return Ok(());
         }
+        self.prologue.make_multipart(&self.chunk_counts);
         let mut header = self.prologue.headers[part].clone();
         let mut name = noisy_name(layout, resolved, "", false);
-        if let Some(view) = &layout.part_list[part].view {
+        if let Some(view) = &place.view {
             name.push_str(&format!("-{view}"));
         }
         header.set("name", "string", name.into_bytes());

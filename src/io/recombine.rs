@@ -23,8 +23,9 @@ pub(crate) type Place = (usize, usize);
 /// The planes to write for the light passes of `resolved`: contribution ÷ Color, and those Color planes that had to be raised.
 ///
 /// Where Color is below 1e-4 (or not a number) and the contribution is not zero, the written Color is raised so that
-/// Color × pass equals the contribution to the precision of the pass's type; in half-float files a little further where the quotient
-/// would overflow otherwise, and to 1/64 under DWA and B44, which round small numbers away. Contributions without Color pass are written as they are.
+/// Color × pass equals the contribution to the precision of the pass's type; in half-float files a little further where the
+/// quotient would overflow otherwise, and to 1/64 under DWA and B44, which round small numbers away. Contributions without
+/// Color pass are written as they are.
 pub(crate) fn light_planes(
     layout: &Layout,
     source: &mut Source,

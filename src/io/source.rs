@@ -108,17 +108,18 @@ impl Source {
     fn chunk_head(&mut self, part: usize, index: usize, at: u64) -> Result<(Vec<u8>, IntegerBounds, usize)> {
         let path = self.path.clone();
         let bad = |reason: &str| Error::bad_file(&path, reason);
-        let header = self.headers.get(part).ok_or_else(|| bad("has fewer parts than before (did it change meanwhile?)"))?.clone();
         self.seek(at)?;
         if self.prologue.is_multipart() && self.int()? != part as i32 {
             return Err(bad("has a chunk of another part where one of its own belongs"));
         }
-        let tiled = matches!(header.blocks, BlockDescription::Tiles(_));
+        let tiled = self.headers.get(part).is_some_and(|h| matches!(h.blocks, BlockDescription::Tiles(_)));
         let mut location = vec![0; if tiled { 16 } else { 4 }];
         self.take(&mut location)?;
         let size = self.int()?;
-        let bounds = chunk_bounds(&header, index, &location).ok_or_else(|| bad("has a chunk with a damaged position"))?;
-        let most = bounds.size.area() * header.channels.bytes_per_pixel;
+        let header = self.headers.get(part);
+        let bounds =
+            header.and_then(|h| chunk_bounds(h, index, &location)).ok_or_else(|| bad("has a chunk with a damaged position"))?;
+        let most = bounds.size.area() * header.map_or(0, |h| h.channels.bytes_per_pixel);
         let size = usize::try_from(size).ok().filter(|&s| s <= most).ok_or_else(|| bad("has a chunk of an impossible size"))?;
         let position = self.file.stream_position().map_err(|e| Error::io(&path, e))?;
         if position + size as u64 > self.bytes {

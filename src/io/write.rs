@@ -30,8 +30,9 @@ pub struct WriteOptions {
 /// byte for byte; in parts with one, lossless compression keeps the other channels' bits, while lossy compression encodes them
 /// again (see [`caveats`]). The pass that `resolved.target` names takes the denoised colour, its alpha the denoised alpha where
 /// there is one. Light passes are divided by their Color pass again; where Color is below 1e-4 and the contribution is not zero,
-/// the written Color is raised to 1e-4 (1/64 under DWA and B44; in half-float files further where the quotient would overflow), so that Color × pass
-/// equals the denoised contribution. Half-float channels are clamped to ±65504. The file is written aside and renamed into place.
+/// the written Color is raised to 1e-4 (1/64 under DWA and B44; in half-float files further where the quotient would overflow), so
+/// that Color × pass equals the denoised contribution. A Color pass is shared: where it is raised, a light pass that uses it and
+/// was not denoised gains by as much. Half-float channels are clamped to ±65504. Written aside and renamed into place.
 ///
 /// # Errors
 /// [`Error::BadInput`] if `destination` is the source itself; [`Error::SizeMismatch`] if `denoised` has another size; [`Error::Io`]
