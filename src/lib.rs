@@ -4,6 +4,7 @@
 //! Asymmetric Loss Functions". Data flows one way: [`io`] → [`frame`] → [`plan`] → [`network`] → [`kernels`] → [`io`];
 //! [`engine`] runs that chain over a window of frames in memory, [`shot`] over the files of a shot.
 
+pub mod cli;
 pub mod engine;
 pub mod error;
 pub mod frame;

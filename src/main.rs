@@ -1,3 +1,5 @@
-fn main() {
-    println!("hush {}", env!("CARGO_PKG_VERSION"));
+//! The `hush` command.
+
+fn main() -> std::process::ExitCode {
+    hush::cli::main(std::env::args_os())
 }

@@ -1,1 +1,29 @@
-//! Files in and out.
+//! Files in and out: Blender's multilayer EXR files, read pass by pass and written back with only the denoised passes changed.
+//!
+//! [`read_layout`] → [`resolve`] → [`read_frame`] → … → [`write_denoised`]; [`inspect`](inspect()) tells an artist what a file
+//! holds. [`resolve_views`] and [`write_views`] do the same for all the views of a stereo file.
+
+mod atomic;
+mod codec;
+mod container;
+mod inspect;
+mod layout;
+mod lights;
+mod names;
+mod numbering;
+mod plan;
+mod read;
+mod recombine;
+mod select;
+pub mod sequence;
+mod source;
+mod validate;
+mod write;
+
+pub use atomic::{is_part_file, write_atomically};
+pub use inspect::{Inspection, inspect, inspect_with};
+pub use layout::{Channel, Layout, Part, Pass, SampleType, ViewLayer, read_layout};
+pub use read::read_frame;
+pub use select::{AovRef, Guides, Missing, PassRef, Resolved, Selection, resolve, resolve_views};
+pub use validate::is_complete;
+pub use write::{WriteOptions, caveats, write_denoised, write_views};

@@ -1,1 +1,29 @@
-//! To be filled.
+//! Image quality against a reference: [`smape()`], [`relmse()`], [`psnr()`], [`ssim()`], [`flip()`] and [`flicker()`], one a file, and
+//! [`evaluate()`], which applies them to the frames of a shot.
+//!
+//! Every metric takes a [`Pair`]: two images (rows, columns, 3) of scene-linear radiance, scaled so that the reference's mean
+//! is 0.4, and looks at the pixels that are finite in both. Sums run in f64 by rows and rows are added from top to bottom, so
+//! a result is the same for any number of threads.
+
+pub mod evaluate;
+pub mod flicker;
+pub mod flip;
+mod images;
+pub mod pair;
+mod pairing;
+pub mod psnr;
+pub mod relmse;
+pub mod report;
+pub mod smape;
+pub mod ssim;
+pub mod tonemap;
+
+pub use evaluate::{EvaluateOptions, evaluate};
+pub use flicker::flicker;
+pub use flip::flip;
+pub use pair::{Pair, Scaling};
+pub use psnr::psnr;
+pub use relmse::relmse;
+pub use report::Report;
+pub use smape::smape;
+pub use ssim::ssim;

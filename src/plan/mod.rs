@@ -1,3 +1,6 @@
-//! What is computed where: tiles, windows, and what a shot does not need.
+//! What is computed where: the frames of a run, each frame's window, tiles, and what is wrong with a shot.
 
+pub mod checks;
+pub mod frames;
 pub mod tiles;
+pub mod window;

@@ -1,1 +1,28 @@
-//! To be filled.
+//! A shot from files to files: every frame of the range is written, and a bad frame does not stop the others.
+//!
+//! ```no_run
+//! use hush::shot::{CancelToken, Job, run};
+//!
+//! let sequence = hush::io::sequence::Sequence::find(&["shot"])?;
+//! let engine = hush::Engine::new(hush::Settings::default())?;
+//! let summary = run(&Job::new(sequence, "denoised"), &engine, &|event| println!("{event:?}"), &CancelToken::new())?;
+//! assert!(summary.is_complete());
+//! # Ok::<(), hush::Error>(())
+//! ```
+
+mod cancel;
+mod events;
+mod job;
+mod manifest;
+mod output;
+mod prepare;
+mod run;
+mod source;
+
+pub use cancel::CancelToken;
+pub use events::{Event, Status, Summary};
+pub use job::{FrameSettings, GuideSettings, Job, ModelId};
+pub use manifest::{Entry, MANIFEST, MANIFEST_VERSION, Manifest, NeighbourEntry, Stamp};
+pub use output::remove_unfinished;
+pub use prepare::{Action, Plan, PlannedFrame};
+pub use run::run;

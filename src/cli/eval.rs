@@ -1,0 +1,59 @@
+//! `hush eval`: how close a denoised shot is to its reference.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::{Exit, print, print_json};
+use crate::error::Result;
+use crate::metrics::{EvaluateOptions, Scaling, evaluate};
+
+/// Compares a denoised shot with its reference: SMAPE, relMSE, PSNR, SSIM, FLIP and flicker
+#[derive(Args)]
+pub(super) struct EvalArgs {
+    /// The reference: a folder, a pattern such as ref/frame_####.exr, or a file
+    reference: PathBuf,
+    /// The denoised shot, named alike; frames are paired by number
+    denoised: PathBuf,
+    /// Where flicker takes the Vector pass from, such as the noisy shot [default: the denoised files, then the reference]
+    #[arg(long, value_name = "INPUT")]
+    vectors: Option<PathBuf>,
+    /// View layer to compare [default: the one with the most samples]
+    #[arg(long, value_name = "NAME")]
+    layer: Option<String>,
+    /// Stereo view to compare
+    #[arg(long, value_name = "NAME")]
+    view: Option<String>,
+    /// View layer that holds the Vector pass
+    #[arg(long, value_name = "NAME")]
+    vector_layer: Option<String>,
+    /// Compare radiance as it is, instead of scaled to a reference mean of 0.4
+    #[arg(long)]
+    no_scaling: bool,
+    /// JSON instead of a table
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the subcommand; frames that cannot be compared show in the exit code.
+pub(super) fn eval(args: &EvalArgs) -> Result<Exit> {
+    let scaling = if args.no_scaling { Scaling::None } else { Scaling::ReferenceMean };
+    let options = EvaluateOptions {
+        scaling,
+        vectors: args.vectors.clone(),
+        layer: args.layer.clone(),
+        view: args.view.clone(),
+        vector_layer: args.vector_layer.clone(),
+    };
+    let report = evaluate(&args.reference, &args.denoised, &options)?;
+    if args.json {
+        print_json(&report)
+    } else {
+        print(report.to_string().trim_end())
+    }
+    Ok(match report.failed() {
+        0 => Exit::Good,
+        n if n < report.frames.len() => Exit::Partly,
+        _ => Exit::Nothing,
+    })
+}

@@ -1,0 +1,162 @@
+//! Events of a run as a progress bar, as lines, or as JSON.
+
+use std::io::IsTerminal;
+use std::time::Duration;
+
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+
+use super::{print_json, say};
+use crate::shot::{Event, Status, Summary};
+
+/// How to tell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Mode {
+    /// A bar on the terminal.
+    Bar,
+    /// A line a frame, for logs.
+    Lines,
+    /// Errors only.
+    Quiet,
+    /// One JSON object a line on standard output.
+    Json,
+}
+
+impl Mode {
+    /// The mode for these flags and this terminal.
+    pub fn choose(quiet: bool, json: bool) -> Self {
+        match (quiet, json) {
+            (_, true) => Self::Json,
+            (true, _) => Self::Quiet,
+            _ if std::io::stderr().is_terminal() => Self::Bar,
+            _ => Self::Lines,
+        }
+    }
+}
+
+/// Tells about a run.
+pub(super) struct Progress {
+    mode: Mode,
+    bar: ProgressBar,
+}
+
+impl Progress {
+    /// Nothing is shown before the first event.
+    pub fn new(mode: Mode) -> Self {
+        Self { mode, bar: ProgressBar::with_draw_target(None, ProgressDrawTarget::hidden()) }
+    }
+
+    /// Tells about an event.
+    pub fn report(&self, event: &Event<'_>) {
+        match self.mode {
+            Mode::Json => print_json(event),
+            Mode::Quiet => {
+                if let Event::Error { frame, message } = event {
+                    say(error_text(*frame, message));
+                }
+            }
+            Mode::Bar => self.update_bar(event),
+            Mode::Lines => {
+                if let Some(line) = line(event) {
+                    say(line);
+                }
+            }
+        }
+    }
+
+    fn update_bar(&self, event: &Event<'_>) {
+        match event {
+            Event::Start { frames, .. } => {
+                let template = "{bar:30} {pos}/{len} frames · {rate} · {eta} left{msg}";
+                if let Ok(style) = ProgressStyle::with_template(template) {
+                    let rate = |state: &ProgressState, to: &mut dyn std::fmt::Write| _ = write!(to, "{:.2}/s", state.per_sec());
+                    self.bar.set_style(style.with_key("rate", rate));
+                }
+                self.bar.set_length(*frames as u64);
+                self.bar.set_draw_target(ProgressDrawTarget::stderr());
+                self.bar.enable_steady_tick(Duration::from_millis(500));
+            }
+            Event::Working { frame } => self.bar.set_message(format!(" · frame {frame}")),
+            Event::Frame { status, finished, .. } => {
+                self.bar.set_position(*finished as u64);
+                if *status == Status::Skipped {
+                    // What was skipped says nothing about the speed.
+                    self.bar.reset_eta();
+                }
+            }
+            Event::Done(_) => self.bar.finish_and_clear(),
+            _ => {}
+        }
+        if let (Event::Start { .. } | Event::Warning(_) | Event::Error { .. } | Event::Done(_), Some(line)) = (event, line(event))
+        {
+            self.bar.suspend(|| say(line));
+        }
+    }
+}
+
+fn error_text(frame: Option<i64>, message: &str) -> String {
+    frame.map_or_else(|| format!("error: {message}"), |f| format!("error: frame {f}: {message}"))
+}
+
+/// An event as one line.
+fn line(event: &Event<'_>) -> Option<String> {
+    match event {
+        Event::Start { sequence, output, frames, todo, window, lambda } => Some(format!(
+            "{sequence} → {}: {todo} of {frames} frames to denoise, window {window}, lambda {lambda}",
+            output.display()
+        )),
+        Event::Frame { frame, status: Status::Denoised, seconds, finished, frames, .. } => {
+            Some(format!("frame {frame} denoised in {seconds:.1} s ({finished}/{frames})"))
+        }
+        Event::Warning(warning) => Some(format!("warning: {}", warning.message)),
+        Event::Error { frame, message } => Some(error_text(*frame, message)),
+        Event::Done(summary) => Some(summary_text(summary)),
+        _ => None,
+    }
+}
+
+fn summary_text(summary: &Summary) -> String {
+    let mut text = format!("{} denoised", summary.written);
+    let mut add = |count: usize, what: &str| {
+        if count > 0 {
+            text.push_str(&format!(", {count} {what}"));
+        }
+    };
+    add(summary.skipped, "already done");
+    add(summary.failed.len(), "failed");
+    add(summary.degraded.len(), "without a bad neighbour");
+    add(summary.frames.saturating_sub(summary.written + summary.skipped + summary.failed.len()), "not done");
+    if !summary.missing.is_empty() {
+        text.push_str(&format!(", missing: {}", summary.missing));
+    }
+    let end = if summary.interrupted { "interrupted, run again to continue: " } else { "" };
+    format!("{end}{text}; {}", HumanDuration(Duration::from_secs_f64(summary.seconds.max(0.0))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_summary_counts_everything_once() {
+        let summary = Summary {
+            frames: 10,
+            written: 4,
+            skipped: 2,
+            failed: vec![7],
+            degraded: vec![6, 8],
+            missing: "12".into(),
+            interrupted: true,
+            ..Summary::default()
+        };
+        let text = summary_text(&summary);
+        for part in ["4 denoised", "2 already done", "1 failed", "2 without", "3 not done", "missing: 12", "interrupted"] {
+            assert!(text.contains(part), "{part} in {text}");
+        }
+    }
+
+    #[test]
+    fn errors_name_the_frame() {
+        let error = Event::Error { frame: Some(12), message: "cut short".into() };
+        assert_eq!(line(&error).as_deref(), Some("error: frame 12: cut short"));
+    }
+}

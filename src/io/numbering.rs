@@ -1,0 +1,100 @@
+//! Frame numbers in file names: the number nearest the extension, or where a `####` or `%04d` stands.
+
+/// A file name with the place of the number: `frame_####.exr` or `frame_%04d.exr`.
+pub(crate) struct NumberPattern {
+    pub prefix: String,
+    pub suffix: String,
+    /// At least this many digits.
+    digits: usize,
+}
+
+impl NumberPattern {
+    /// None where the name has no such place; the error is a reason.
+    pub fn parse(name: &str) -> Result<Option<Self>, String> {
+        let mut places = Vec::new();
+        let mut at = 0;
+        while let Some(rest) = name.get(at..).filter(|r| !r.is_empty()) {
+            let hashes = rest.len() - rest.trim_start_matches('#').len();
+            let (length, digits) = if hashes > 0 { (hashes, hashes) } else { printf(rest) };
+            if length > 0 {
+                places.push((at, length, digits));
+            }
+            at += if length > 0 { length } else { rest.chars().next().map_or(1, char::len_utf8) };
+        }
+        match places.as_slice() {
+            [] => Ok(None),
+            [(start, length, digits)] => Ok(Some(Self {
+                prefix: name[..*start].replace("%%", "%"),
+                suffix: name[start + length..].replace("%%", "%"),
+                digits: *digits,
+            })),
+            _ => Err("has several places for the frame number: use #### or %04d once".into()),
+        }
+    }
+
+    /// The number of a file that matches, and its digits.
+    pub fn number(&self, name: &str) -> Option<(i64, usize)> {
+        let middle = name.strip_prefix(self.prefix.as_str())?.strip_suffix(self.suffix.as_str())?;
+        let digits = middle.strip_prefix('-').unwrap_or(middle);
+        // The sign counts towards the width, as printf and Blender have it.
+        let wide_enough = middle.len() >= self.digits && (1..=18).contains(&digits.len());
+        let all_digits = digits.bytes().all(|b| b.is_ascii_digit());
+        (wide_enough && all_digits).then(|| middle.parse().ok()).flatten().map(|n| (n, middle.len()))
+    }
+}
+
+/// Length and digits of a `%d`, `%4d` or `%04d` at the start of `text`; zeros where there is none.
+fn printf(text: &str) -> (usize, usize) {
+    let Some(rest) = text.strip_prefix('%') else { return (0, 0) };
+    let width = rest.bytes().take_while(u8::is_ascii_digit).count();
+    match (rest.as_bytes().get(width), rest.get(..width).unwrap_or_default()) {
+        (Some(b'd'), "") => (2, 1),
+        (Some(b'd'), w) => w.parse().ok().filter(|w| (1..=18).contains(w)).map_or((0, 0), |w| (width + 2, w)),
+        _ => (0, 0),
+    }
+}
+
+/// Splits a name at the number nearest the extension: prefix, number, digits (with the sign), suffix.
+pub(crate) fn split_number(name: &str) -> Option<(String, i64, usize, String)> {
+    let stem = &name[..name.rfind('.').unwrap_or(name.len())];
+    let end = stem.rfind(|c: char| c.is_ascii_digit())? + 1;
+    let mut start = stem[..end].rfind(|c: char| !c.is_ascii_digit()).map_or(0, |i| {
+        // Step over the whole character, which may be longer than a byte.
+        i + stem[i..].chars().next().map_or(1, char::len_utf8)
+    });
+    if end - start > 18 {
+        return None;
+    }
+    // A minus is a sign only where no word is before it: `shot_-001` but not `shot-001`.
+    let before = stem[..start].strip_suffix('-');
+    if before.is_some_and(|b| !b.chars().next_back().is_some_and(char::is_alphanumeric)) {
+        start -= 1;
+    }
+    let number = name[start..end].parse().ok()?;
+    Some((name[..start].into(), number, end - start, name[end..].into()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_number_nearest_the_extension_counts() {
+        let split = |n: &str| split_number(n).map(|(p, n, d, s)| format!("{p}|{n}|{d}|{s}"));
+        for (name, expected) in [
+            ("shot01_v002_0012.exr", "shot01_v002_|12|4|.exr"),
+            ("frame.0012.exr", "frame.|12|4|.exr"),
+            ("0012.exr", "|12|4|.exr"),
+            ("frame_0012_L.exr", "frame_|12|4|_L.exr"),
+            ("shot-0012.exr", "shot-|12|4|.exr"),
+            ("shot_-012.exr", "shot_|-12|4|.exr"),
+            ("-012.exr", "|-12|4|.exr"),
+            ("día7.exr", "día|7|1|.exr"),
+            ("é12é.exr", "é|12|2|é.exr"),
+        ] {
+            assert_eq!(split(name).as_deref(), Some(expected), "{name}");
+        }
+        assert_eq!(split("beauty.exr"), None);
+        assert_eq!(split("f_12345678901234567890.exr"), None);
+    }
+}

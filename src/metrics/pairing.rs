@@ -1,0 +1,58 @@
+//! Which files of two shots belong together.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+use crate::io::sequence::{Sequence, spans};
+
+/// The files of one frame.
+pub(super) struct Item {
+    pub frame: i64,
+    pub reference: PathBuf,
+    /// None if the frame is missing.
+    pub denoised: Option<PathBuf>,
+    pub vectors: Option<PathBuf>,
+}
+
+/// Every reference's frame with its counterparts, and what was left over.
+pub(super) fn pair_up(reference: &Path, denoised: &Path, vectors: Option<&Path>) -> Result<(Vec<Item>, Vec<String>)> {
+    let references = files(reference)?;
+    let mut results = files(denoised)?;
+    let mut guides = vectors.map(files).transpose()?.unwrap_or_default();
+    if reference.is_file() && denoised.is_file() {
+        let frame = references.keys().next().copied();
+        let renumber = |map: BTreeMap<i64, PathBuf>| frame.into_iter().zip(map.into_values()).collect();
+        results = renumber(results);
+        if vectors.is_some_and(Path::is_file) {
+            guides = renumber(guides);
+        }
+    }
+    let numbers = |map: &BTreeMap<i64, PathBuf>| spans(&map.keys().copied().collect::<Vec<_>>());
+    if !references.keys().any(|n| results.contains_key(n)) {
+        return Err(Error::BadInput {
+            input: denoised.display().to_string(),
+            reason: format!(
+                "no frame has a reference: frames {} here, {} in {}",
+                numbers(&results),
+                numbers(&references),
+                reference.display()
+            ),
+        });
+    }
+    let mut warnings = Vec::new();
+    let extra: Vec<i64> = results.keys().copied().filter(|n| !references.contains_key(n)).collect();
+    if !extra.is_empty() {
+        warnings.push(format!("Not compared, as they have no reference: denoised frames {}.", spans(&extra)));
+    }
+    let items = references
+        .into_iter()
+        .map(|(frame, reference)| Item { frame, reference, denoised: results.remove(&frame), vectors: guides.remove(&frame) })
+        .collect();
+    Ok((items, warnings))
+}
+
+/// The files that a path names, by frame number.
+fn files(path: &Path) -> Result<BTreeMap<i64, PathBuf>> {
+    Ok(Sequence::find(&[path])?.frames.into_iter().map(|f| (f.number, f.path)).collect())
+}

@@ -1,0 +1,212 @@
+//! What to denoise and how: everything a run needs besides the engine.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+use crate::io::sequence::Sequence;
+use crate::io::{Guides, Selection};
+use crate::plan::frames::FrameSet;
+use crate::plan::window::{check_lambda, check_window};
+
+/// A shot to denoise.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// The input files.
+    pub sequence: Sequence,
+    /// The output folder; created if it is not there. Never the input folder.
+    pub output: PathBuf,
+    /// The frames to write; None for all. Neighbours outside are still used.
+    pub frames: Option<FrameSet>,
+    /// The dial, from 1; above 64 is clamped with a warning.
+    pub lambda: f32,
+    /// Frames on each side, 0 to 3. None: 2 where there are motion vectors, else 0. A number above 0 demands vectors.
+    pub window: Option<usize>,
+    /// Which layer, view, guides and light passes to read.
+    pub selection: Selection,
+    /// Keep the input beside the result as `Noisy Image`.
+    pub keep_noisy: bool,
+    /// Write every frame again and replace files that Hush did not write.
+    pub overwrite: bool,
+    /// Stop at the first bad or missing frame instead of going on without it.
+    pub strict: bool,
+    /// What the engine's weights are, for the manifest.
+    pub model: ModelId,
+}
+
+impl Job {
+    /// A job with the default settings and the embedded weights.
+    pub fn new(sequence: Sequence, output: impl Into<PathBuf>) -> Self {
+        Self {
+            sequence,
+            output: output.into(),
+            frames: None,
+            lambda: 1.0,
+            window: None,
+            selection: Selection::default(),
+            keep_noisy: false,
+            overwrite: false,
+            strict: false,
+            model: ModelId::embedded(),
+        }
+    }
+
+    /// The settings that decide what a frame looks like, once the window is known, and a message where one was changed.
+    pub(super) fn settings(&self, window: usize) -> Result<(FrameSettings, Option<String>)> {
+        let (lambda, note) = check_lambda(self.lambda)?;
+        if let Some(asked) = self.window {
+            check_window(asked)?;
+        }
+        let s = &self.selection;
+        let settings = FrameSettings {
+            lambda,
+            window,
+            layer: s.layer.clone(),
+            view: s.view.clone(),
+            vector_layer: s.vector_layer.clone(),
+            guides: GuideSettings::from(&s.guides),
+            aovs: s.aovs.clone(),
+            keep_noisy: self.keep_noisy,
+            model: self.model.clone(),
+        };
+        Ok((settings, note))
+    }
+}
+
+/// Which weights made a frame.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ModelId {
+    /// A file name, or `embedded`.
+    pub name: String,
+    /// FNV-1a of the file's bytes (64 bits, hexadecimal); none for the embedded weights.
+    pub hash: Option<String>,
+}
+
+impl ModelId {
+    /// The weights in this binary.
+    pub fn embedded() -> Self {
+        Self { name: "embedded".into(), hash: None }
+    }
+
+    /// A weights file.
+    pub fn of_file(path: &Path) -> Result<Self> {
+        let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+        Ok(Self { name, hash: Some(fnv(&bytes)) })
+    }
+}
+
+/// The settings that a frame was made with; a frame is made again where they differ.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FrameSettings {
+    /// 1…64.
+    pub lambda: f32,
+    /// Frames on each side.
+    pub window: usize,
+    /// View layer; none for the only or first one.
+    pub layer: Option<String>,
+    /// Stereo view.
+    pub view: Option<String>,
+    /// View layer that the vectors come from.
+    pub vector_layer: Option<String>,
+    /// Guides that may be used.
+    pub guides: GuideSettings,
+    /// Light passes, as they were asked for.
+    pub aovs: Vec<String>,
+    /// The input was kept as `Noisy Image`.
+    pub keep_noisy: bool,
+    /// The weights.
+    pub model: ModelId,
+}
+
+/// Guides that may be used where the files hold them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct GuideSettings {
+    /// Denoising Albedo.
+    pub albedo: bool,
+    /// Denoising Normal.
+    pub normal: bool,
+    /// Denoising Depth or Depth.
+    pub depth: bool,
+    /// Vector.
+    pub vector: bool,
+}
+
+impl From<&Guides> for GuideSettings {
+    fn from(g: &Guides) -> Self {
+        Self { albedo: g.albedo, normal: g.normal, depth: g.depth, vector: g.vector }
+    }
+}
+
+impl FrameSettings {
+    /// A short key that differs where the settings differ.
+    pub(super) fn key(&self) -> String {
+        fnv(serde_json::to_string(self).unwrap_or_default().as_bytes())
+    }
+
+    /// What changed since `old`, in words: `lambda 1 → 4, window 0 → 2`.
+    pub(super) fn changes_since(&self, old: &Self) -> String {
+        let opt = |o: &Option<String>| o.clone().unwrap_or_else(|| "default".into());
+        let model = |m: &ModelId| m.hash.as_ref().map_or(m.name.clone(), |h| format!("{} ({h})", m.name));
+        let guides = |g: &GuideSettings| {
+            let on = [("albedo", g.albedo), ("normal", g.normal), ("depth", g.depth), ("vector", g.vector)];
+            on.iter().filter(|(_, on)| *on).map(|(name, _)| *name).collect::<Vec<_>>().join("+")
+        };
+        let pairs = [
+            ("lambda", old.lambda.to_string(), self.lambda.to_string()),
+            ("window", old.window.to_string(), self.window.to_string()),
+            ("layer", opt(&old.layer), opt(&self.layer)),
+            ("view", opt(&old.view), opt(&self.view)),
+            ("vector layer", opt(&old.vector_layer), opt(&self.vector_layer)),
+            ("guides", guides(&old.guides), guides(&self.guides)),
+            ("AOVs", old.aovs.join("+"), self.aovs.join("+")),
+            ("keep noisy", old.keep_noisy.to_string(), self.keep_noisy.to_string()),
+            ("model", model(&old.model), model(&self.model)),
+        ];
+        let changed = pairs.iter().filter(|(_, a, b)| a != b).map(|(name, a, b)| format!("{name} {a} → {b}"));
+        changed.collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// FNV-1a, 64 bits: tells files apart, guards against nothing.
+fn fnv(bytes: &[u8]) -> String {
+    let hash = bytes.iter().fold(0xcbf2_9ce4_8422_2325u64, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x0100_0000_01b3));
+    format!("{hash:016x}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::io::sequence::SequenceFrame;
+
+    fn job() -> Job {
+        let frames = vec![SequenceFrame { number: 1, path: "a.exr".into() }];
+        Job::new(Sequence { name: "a.exr".into(), frames, ignored: Vec::new() }, "out")
+    }
+
+    #[test]
+    fn fnv_is_the_published_one() {
+        assert_eq!(fnv(b""), "cbf29ce484222325");
+        assert_eq!(fnv(b"foobar"), "85944171f73967e8");
+    }
+
+    #[test]
+    fn settings_tell_what_changed() {
+        let a = job().settings(2).unwrap().0;
+        let b = Job { lambda: 4.0, ..job() }.settings(0).unwrap().0;
+        assert_eq!(b.changes_since(&a), "lambda 1 → 4, window 2 → 0");
+        assert!(a.key() != b.key() && a.key() == job().settings(2).unwrap().0.key());
+        let json = serde_json::to_string(&b).unwrap();
+        assert_eq!(serde_json::from_str::<FrameSettings>(&json).unwrap(), b);
+    }
+
+    #[test]
+    fn settings_out_of_range_are_refused_or_clamped() {
+        assert!(Job { lambda: 0.5, ..job() }.settings(0).is_err());
+        assert!(Job { lambda: f32::NAN, ..job() }.settings(0).is_err());
+        assert!(Job { window: Some(4), ..job() }.settings(0).is_err());
+        let (settings, note) = Job { lambda: 1000.0, ..job() }.settings(0).unwrap();
+        assert!(settings.lambda == 64.0 && note.is_some());
+    }
+}

@@ -1,0 +1,144 @@
+//! `hush-manifest.json`: what was done to each frame, with what and why; also how a later run knows what to skip.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::UNIX_EPOCH;
+
+use serde::{Deserialize, Serialize};
+
+use super::events::Status;
+use super::job::FrameSettings;
+use crate::error::{Error, Result};
+use crate::io::write_atomically;
+use crate::plan::window::Unused;
+
+/// The manifest's file name in the output folder.
+pub const MANIFEST: &str = "hush-manifest.json";
+/// The version of the manifest's form; a higher one is not read.
+pub const MANIFEST_VERSION: u32 = 1;
+
+/// The whole manifest.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Manifest {
+    /// [`MANIFEST_VERSION`].
+    pub version: u32,
+    /// The settings that frames were made with, by the key that the frames refer to.
+    pub settings: BTreeMap<String, FrameSettings>,
+    /// By the output's file name.
+    pub frames: BTreeMap<String, Entry>,
+}
+
+/// One output frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Entry {
+    /// Frame number.
+    pub frame: i64,
+    /// The input file.
+    pub source: PathBuf,
+    /// The input as it was.
+    pub stamp: Option<Stamp>,
+    /// What the last run did.
+    pub status: Status,
+    /// Why it failed or was skipped.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
+    /// Key into [`Manifest::settings`].
+    pub settings: String,
+    /// The version of Hush that made it.
+    pub hush: String,
+    /// The window around it, without itself.
+    pub neighbours: Vec<NeighbourEntry>,
+    /// What was odd about this frame.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
+    /// Time spent computing it.
+    pub seconds: f64,
+}
+
+/// A frame of the window.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct NeighbourEntry {
+    /// −3…3.
+    pub offset: i32,
+    /// Frame number.
+    pub frame: i64,
+    /// Whether it helped.
+    pub used: bool,
+    /// Why not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reason: Option<Unused>,
+    /// Its file as it was; none where there was no file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stamp: Option<Stamp>,
+}
+
+/// Tells whether a file is still the same one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Stamp {
+    /// Bytes.
+    pub size: u64,
+    /// Time of the last change, milliseconds since 1970.
+    pub modified: u64,
+}
+
+impl Stamp {
+    /// The stamp of a file; None where there is none.
+    pub fn of(path: &Path) -> Option<Self> {
+        let meta = std::fs::metadata(path).ok()?;
+        let age = meta.modified().ok().and_then(|t| t.duration_since(UNIX_EPOCH).ok());
+        Some(Self { size: meta.len(), modified: age.map_or(0, |d| d.as_millis() as u64) })
+    }
+}
+
+impl Default for Manifest {
+    fn default() -> Self {
+        Self { version: MANIFEST_VERSION, settings: BTreeMap::new(), frames: BTreeMap::new() }
+    }
+}
+
+impl Manifest {
+    /// Reads the manifest of an output folder; an empty one where there is none.
+    ///
+    /// # Errors
+    /// The file cannot be read, is damaged or of a later version.
+    pub fn load(folder: &Path) -> Result<Self> {
+        let path = folder.join(MANIFEST);
+        let text = match std::fs::read_to_string(&path) {
+            Ok(text) => text,
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Self::default()),
+            Err(e) => return Err(Error::io(path, e)),
+        };
+        let manifest: Self = serde_json::from_str(&text).map_err(|e| Error::bad_file(&path, format!("damaged manifest: {e}")))?;
+        if manifest.version > MANIFEST_VERSION {
+            return Err(Error::bad_file(path, "was written by a later version of Hush"));
+        }
+        Ok(manifest)
+    }
+
+    /// Adds the settings and returns their key.
+    pub fn settings_key(&mut self, settings: &FrameSettings) -> String {
+        let key = settings.key();
+        self.settings.entry(key.clone()).or_insert_with(|| settings.clone());
+        key
+    }
+
+    /// Writes the manifest of an output folder, keeping the frames that other runs put there in the meantime.
+    pub fn save(&self, folder: &Path) -> Result<()> {
+        // Several processes may share the folder, each with its own frames; where locks do not work the last one wins.
+        let lock = File::open(folder).ok().filter(|f| f.lock().is_ok());
+        let mut all = Self::load(folder).unwrap_or_default();
+        all.settings.extend(self.settings.clone());
+        all.frames.extend(self.frames.clone());
+        let used: Vec<&String> = all.frames.values().map(|e| &e.settings).collect();
+        let settings = all.settings.iter().filter(|(key, _)| used.contains(key)).map(|(k, s)| (k.clone(), s.clone())).collect();
+        all.settings = settings;
+        let path = folder.join(MANIFEST);
+        let mut text = serde_json::to_vec_pretty(&all).map_err(|e| Error::bad_file(&path, e.to_string()))?;
+        text.push(b'\n');
+        let written = write_atomically(&path, |w| w.write_all(&text).map_err(|e| Error::io(&path, e)));
+        drop(lock);
+        written
+    }
+}

@@ -1,0 +1,307 @@
+//! The plan of a run, made from headers alone: what to write, with which neighbours, what to skip and why.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::events::Status;
+use super::job::{FrameSettings, Job};
+use super::manifest::{Entry, MANIFEST, Manifest, NeighbourEntry, Stamp};
+use super::output::{check_output, output_path};
+use super::source::Source;
+use crate::error::{Error, Result};
+use crate::io::is_complete;
+use crate::io::sequence::spans;
+use crate::plan::checks::{self, Header, Warning, WarningKind};
+use crate::plan::frames::{FrameSet, show_ranges};
+use crate::plan::window::{DEFAULT_WINDOW, Known, Neighbour, Unused, check_window, neighbours};
+
+/// What is to be done with a frame.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[serde(tag = "action", content = "reason", rename_all = "snake_case")]
+pub enum Action {
+    /// Denoise it; with the reason where it is made again.
+    Denoise(Option<String>),
+    /// Its output is there and good.
+    Skip,
+    /// Its file cannot be used.
+    Fail(String),
+}
+
+/// A frame of the range.
+#[derive(Clone, Debug, Serialize)]
+pub struct PlannedFrame {
+    /// Frame number.
+    pub frame: i64,
+    /// The input file.
+    pub source: PathBuf,
+    /// The output file.
+    pub output: PathBuf,
+    /// What to do.
+    #[serde(flatten)]
+    pub action: Action,
+    /// Its window, by what the headers say.
+    #[serde(serialize_with = "used_numbers")]
+    pub neighbours: Vec<Neighbour>,
+}
+
+/// The plan of a run.
+#[derive(Serialize)]
+pub struct Plan {
+    /// The settings of every frame.
+    pub settings: FrameSettings,
+    /// The frames of the range that have a file, ascending.
+    pub frames: Vec<PlannedFrame>,
+    /// What the headers give reason to say.
+    pub warnings: Vec<Warning>,
+    /// Frames asked for by number that have no file, both ends included.
+    pub missing: Vec<(i64, i64)>,
+    #[serde(skip)]
+    pub(super) sources: Sources,
+    #[serde(skip)]
+    pub(super) manifest: Manifest,
+}
+
+/// The files of the range and around it, by frame number.
+pub(super) struct Sources {
+    numbers: Vec<i64>,
+    pub good: BTreeMap<i64, Source>,
+    pub bad: BTreeMap<i64, String>,
+    /// The files as they are when the run starts.
+    pub stamps: BTreeMap<i64, Option<Stamp>>,
+}
+
+impl Sources {
+    /// What is known of a frame from its header.
+    pub fn known(&self, number: i64) -> Known {
+        if self.numbers.first().is_none_or(|n| number < *n) || self.numbers.last().is_none_or(|n| number > *n) {
+            return Known::Outside;
+        }
+        match self.good.get(&number) {
+            Some(source) => source.known(),
+            None if self.bad.contains_key(&number) => Known::Bad,
+            None => Known::Missing,
+        }
+    }
+}
+
+impl Plan {
+    /// Reads the headers of the range and its neighbours, and the output folder's manifest. Writes nothing.
+    ///
+    /// # Errors
+    /// A setting out of range, an output folder that holds the inputs or foreign files of the same names, no usable frame, a
+    /// window asked for without a Vector pass; with `strict` any missing or bad frame and a changing resolution.
+    pub fn new(job: &Job) -> Result<Self> {
+        check_output(job)?;
+        job.settings(0)?;
+        let mut reach = job.window.map(check_window).transpose()?.unwrap_or(DEFAULT_WINDOW);
+        if !job.selection.guides.vector {
+            if job.window.is_some_and(|w| w > 0) {
+                let reason = "needs motion vectors, which are switched off: pass --window 0 or leave the Vector pass on";
+                return Err(Error::BadSetting { name: "window", reason: reason.into() });
+            }
+            reach = 0;
+        }
+        let numbers = job.sequence.numbers();
+        let wanted = |n: i64| job.frames.as_ref().is_none_or(|set| set.contains(n));
+        let targets: Vec<i64> = numbers.iter().copied().filter(|n| wanted(*n)).collect();
+        if targets.is_empty() {
+            let reason = format!("none of the frames asked for is there; the sequence has {}", spans(&numbers));
+            return Err(Error::BadInput { input: job.sequence.name.clone(), reason });
+        }
+        let near = |n: i64| targets.iter().any(|t| t.abs_diff(n) <= reach as u64);
+        let (sources, first_error) = open_sources(job, &numbers, near);
+        let strict_error = first_error.filter(|_| job.strict || !targets.iter().any(|t| sources.good.contains_key(t)));
+        if let Some(error) = strict_error {
+            return Err(error);
+        }
+        let headers: Vec<Header> = targets.iter().filter_map(|t| sources.good.get(t)).map(|s| s.header.clone()).collect();
+        let window = resolve_window(job, &sources, &headers, reach)?;
+        let (settings, note) = job.settings(window)?;
+        let gaps = job.frames.clone().unwrap_or_else(|| FrameSet::hull(&numbers)).missing(&numbers);
+        let mut warnings = header_warnings(job, &headers, &gaps, note)?;
+        let manifest = Manifest::load(&job.output).unwrap_or_else(|e| {
+            warnings.push(Warning::new(WarningKind::Manifest, format!("{e}: what it says about the frames there is not known")));
+            Manifest::default()
+        });
+        let frames = plan_frames(job, &targets, &settings, &sources, &manifest)?;
+        warnings.extend(redone_warnings(&frames));
+        let missing = if job.frames.is_some() { gaps } else { Vec::new() };
+        Ok(Self { settings, frames, warnings, missing, sources, manifest })
+    }
+
+    /// The entry of a frame in the manifest before anything is done.
+    pub(super) fn entry(&self, frame: &PlannedFrame, settings: &str) -> Entry {
+        Entry {
+            frame: frame.frame,
+            source: std::path::absolute(&frame.source).unwrap_or_else(|_| frame.source.clone()),
+            stamp: self.sources.stamps.get(&frame.frame).copied().flatten(),
+            status: Status::Planned,
+            reason: None,
+            settings: settings.into(),
+            hush: env!("CARGO_PKG_VERSION").into(),
+            neighbours: self.neighbour_entries(&frame.neighbours),
+            warnings: Vec::new(),
+            seconds: 0.0,
+        }
+    }
+
+    /// A window as the manifest tells it.
+    pub(super) fn neighbour_entries(&self, window: &[Neighbour]) -> Vec<NeighbourEntry> {
+        window.iter().map(|n| neighbour_entry(n, &self.sources)).collect()
+    }
+}
+
+fn neighbour_entry(n: &Neighbour, sources: &Sources) -> NeighbourEntry {
+    let stamp = sources.stamps.get(&n.number).copied().flatten();
+    NeighbourEntry { offset: n.offset, frame: n.number, used: n.unused.is_none(), reason: n.unused, stamp }
+}
+
+fn used_numbers<S: serde::Serializer>(window: &[Neighbour], to: S) -> Result<S::Ok, S::Error> {
+    to.collect_seq(window.iter().filter(|n| n.unused.is_none()).map(|n| n.number))
+}
+
+/// Opens the files that `near` picks; also the first error.
+fn open_sources(job: &Job, numbers: &[i64], near: impl Fn(i64) -> bool) -> (Sources, Option<Error>) {
+    let mut sources = Sources { numbers: numbers.to_vec(), good: BTreeMap::new(), bad: BTreeMap::new(), stamps: BTreeMap::new() };
+    let mut first_error = None;
+    for frame in job.sequence.frames.iter().filter(|f| near(f.number)) {
+        sources.stamps.insert(frame.number, Stamp::of(&frame.path));
+        match Source::open(frame.number, &frame.path, &job.selection) {
+            Ok(source) => _ = sources.good.insert(frame.number, source),
+            Err(error) => {
+                sources.bad.insert(frame.number, error.to_string());
+                first_error.get_or_insert(error);
+            }
+        }
+    }
+    (sources, first_error)
+}
+
+/// The window: what was asked for, which then needs vectors; else what the vectors allow.
+fn resolve_window(job: &Job, sources: &Sources, headers: &[Header], reach: usize) -> Result<usize> {
+    let without = headers.iter().find(|h| !h.vector);
+    match (job.window, without) {
+        (Some(window), Some(h)) if window > 0 => {
+            let path = sources.good.get(&h.number).map(|s| s.path.clone()).unwrap_or_default();
+            Err(Error::MissingPass { path, pass: checks::VECTOR.into(), advice: checks::vector_advice(h) })
+        }
+        (Some(window), _) => Ok(window),
+        (None, _) => Ok(if headers.iter().any(|h| h.vector) { reach } else { 0 }),
+    }
+}
+
+fn header_warnings(job: &Job, headers: &[Header], gaps: &[(i64, i64)], note: Option<String>) -> Result<Vec<Warning>> {
+    let mut warnings: Vec<Warning> = note.map(|n| Warning::new(WarningKind::Setting, n)).into_iter().collect();
+    for warning in [checks::missing_frames(gaps), checks::resolution(headers)].into_iter().flatten() {
+        if job.strict {
+            return Err(Error::BadInput { input: job.sequence.name.clone(), reason: warning.message });
+        }
+        warnings.push(warning);
+    }
+    let vectors_wanted = job.selection.guides.vector && job.window != Some(0);
+    warnings.extend(vectors_wanted.then(|| checks::no_vector(headers)).flatten());
+    warnings.extend(checks::noisy_image(headers));
+    warnings.extend(checks::missing_guides(headers));
+    warnings.extend(checks::notes(headers));
+    if !job.sequence.ignored.is_empty() {
+        let names = job.sequence.ignored.iter().take(3).map(|p| p.display().to_string()).collect::<Vec<_>>().join(", ");
+        let message = format!("left out {names}: no frame number in the name (files left out: {})", job.sequence.ignored.len());
+        warnings.push(Warning::new(WarningKind::Ignored, message));
+    }
+    Ok(warnings)
+}
+
+fn plan_frames(
+    job: &Job,
+    targets: &[i64],
+    settings: &FrameSettings,
+    sources: &Sources,
+    manifest: &Manifest,
+) -> Result<Vec<PlannedFrame>> {
+    let mut frames = Vec::with_capacity(targets.len());
+    let mut foreign: Vec<PathBuf> = Vec::new();
+    for &number in targets {
+        let Some(source) = job.sequence.path(number) else { continue };
+        let output = output_path(job, source);
+        let window = neighbours(number, settings.window, |n| sources.known(n));
+        let entry = output.file_name().and_then(|n| manifest.frames.get(n.to_string_lossy().as_ref()));
+        let action = match sources.bad.get(&number) {
+            Some(reason) => Action::Fail(reason.clone()),
+            None if job.overwrite || !output.exists() => Action::Denoise(None),
+            None => match entry {
+                Some(entry) => existing(entry, &output, settings, &window, sources, manifest),
+                None => {
+                    foreign.push(output.clone());
+                    Action::Denoise(None)
+                }
+            },
+        };
+        frames.push(PlannedFrame { frame: number, source: source.into(), output, action, neighbours: window });
+    }
+    if let Some(first) = foreign.first() {
+        let reason = format!(
+            "is there already, and {MANIFEST} does not say that Hush wrote it ({} such files): choose another output folder or pass \
+             --overwrite to replace them",
+            foreign.len()
+        );
+        return Err(Error::BadInput { input: first.display().to_string(), reason });
+    }
+    Ok(frames)
+}
+
+/// What to do where there is an output of ours.
+fn existing(
+    entry: &Entry,
+    output: &Path,
+    settings: &FrameSettings,
+    window: &[Neighbour],
+    sources: &Sources,
+    manifest: &Manifest,
+) -> Action {
+    let again = |why: String| Action::Denoise(Some(why));
+    match entry.status {
+        Status::Planned => return again("it was not finished".into()),
+        Status::Failed => return again("it failed before".into()),
+        Status::Denoised | Status::Skipped => {}
+    }
+    if entry.settings != settings.key() {
+        let changes = manifest.settings.get(&entry.settings).map(|old| settings.changes_since(old)).unwrap_or_default();
+        return again(if changes.is_empty() { "the settings changed".into() } else { changes });
+    }
+    if sources.stamps.get(&entry.frame).copied().flatten() != entry.stamp {
+        return again("the input changed".into());
+    }
+    let then: Vec<_> = entry.neighbours.iter().map(|n| (n.offset, n.stamp)).collect();
+    let now: Vec<_> = window.iter().map(|n| neighbour_entry(n, sources)).map(|n| (n.offset, n.stamp)).collect();
+    if then != now {
+        return again("frames beside it changed".into());
+    }
+    match is_complete(output) {
+        Ok(()) => Action::Skip,
+        Err(_) => again("the output is damaged".into()),
+    }
+}
+
+/// Frames that are made again, by reason.
+fn redone_warnings(frames: &[PlannedFrame]) -> Vec<Warning> {
+    let mut reasons: BTreeMap<&str, Vec<i64>> = BTreeMap::new();
+    for frame in frames {
+        if let Action::Denoise(Some(why)) = &frame.action {
+            reasons.entry(why).or_default().push(frame.frame);
+        }
+    }
+    let text = |(why, numbers): (&str, Vec<i64>)| format!("frames {} are made again: {why}", spans(&numbers));
+    reasons.into_iter().map(text).map(|t| Warning::new(WarningKind::Redone, t)).collect()
+}
+
+/// Whether a frame was done without a neighbour that should have helped.
+pub(super) fn is_degraded<'a>(reasons: impl IntoIterator<Item = &'a Option<Unused>>) -> bool {
+    reasons.into_iter().any(|r| *r == Some(Unused::Bad))
+}
+
+/// The missing frames of a plan, for the summary.
+pub(super) fn missing_text(plan: &Plan) -> String {
+    show_ranges(&plan.missing)
+}

@@ -1,0 +1,403 @@
+//! The run over a shot: a decoder thread ahead, the engine here, a writer thread behind, a window of encoded frames between.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use super::cancel::CancelToken;
+use super::events::{Event, Status, Summary};
+use super::job::Job;
+use super::manifest::{Entry, Manifest};
+use super::output::prepare_folder;
+use super::prepare::{Action, Plan, PlannedFrame, is_degraded, missing_text};
+use crate::engine::{Denoised, EncodedFrame, Engine};
+use crate::error::{Error, Result};
+use crate::frame::Frame;
+use crate::io::{Resolved, WriteOptions, write_views};
+use crate::plan::checks::{Glance, PixelChecks};
+use crate::plan::window::{Known, Neighbour, neighbours};
+
+/// Frames of more bytes than this are decoded one ahead instead of two.
+const BIG_FRAME: usize = 128 << 20;
+/// The manifest is written at most this often.
+const SAVE_EVERY: Duration = Duration::from_secs(1);
+
+/// Denoises a shot. Events are reported on the calling thread, in order. Outputs appear whole or not at all; a run that was
+/// stopped or killed is continued by running the same job again.
+///
+/// # Errors
+/// As [`Plan::new`], and where the output folder cannot be made. What goes wrong later stands in the [`Summary`].
+pub fn run(job: &Job, engine: &Engine, report: &dyn Fn(Event<'_>), cancel: &CancelToken) -> Result<Summary> {
+    let began = Instant::now();
+    let plan = Plan::new(job)?;
+    prepare_folder(&job.output)?;
+    let mut run = Run::new(job, &plan, report);
+    run.start();
+    run.save()?;
+    run.denoise_all(engine, cancel);
+    if let Err(error) = run.save() {
+        run.stop(error);
+    }
+    let mut summary = run.summary;
+    summary.seconds = began.elapsed().as_secs_f64();
+    report(Event::Done(&summary));
+    Ok(summary)
+}
+
+/// The state of a run.
+struct Run<'a> {
+    job: &'a Job,
+    plan: &'a Plan,
+    report: &'a dyn Fn(Event<'_>),
+    manifest: Manifest,
+    summary: Summary,
+    /// Frames that turned out to be bad when they were decoded.
+    bad: BTreeMap<i64, String>,
+    /// What was odd about a frame, until it is written.
+    notes: BTreeMap<i64, Vec<String>>,
+    finished: usize,
+    saved: Instant,
+}
+
+/// A frame on its way through the decoder.
+struct Decoded {
+    number: i64,
+    frame: Result<(Vec<Frame>, Glance)>,
+}
+
+/// A frame on its way to the writer.
+struct Work {
+    index: usize,
+    /// One a view.
+    denoised: Vec<Denoised>,
+    seconds: f64,
+}
+
+/// A frame back from the writer.
+struct Written {
+    index: usize,
+    result: Result<()>,
+    seconds: f64,
+}
+
+/// A frame of the sliding window.
+struct Slot {
+    /// One a view.
+    encoded: Vec<EncodedFrame>,
+    seconds: f64,
+}
+
+impl<'a> Run<'a> {
+    fn new(job: &'a Job, plan: &'a Plan, report: &'a dyn Fn(Event<'_>)) -> Self {
+        let summary = Summary { frames: plan.frames.len(), missing: missing_text(plan), ..Summary::default() };
+        let (bad, notes) = (BTreeMap::new(), BTreeMap::new());
+        Self { job, plan, report, manifest: Manifest::default(), summary, bad, notes, finished: 0, saved: Instant::now() }
+    }
+
+    /// Says what the plan says, and settles the frames that need no work.
+    fn start(&mut self) {
+        let plan = self.plan;
+        let todo = plan.frames.iter().filter(|f| matches!(f.action, Action::Denoise(_))).count();
+        (self.report)(Event::Start {
+            sequence: &self.job.sequence.name,
+            output: &self.job.output,
+            frames: plan.frames.len(),
+            todo,
+            window: plan.settings.window,
+            lambda: plan.settings.lambda,
+        });
+        plan.warnings.iter().for_each(|w| (self.report)(Event::Warning(w)));
+        for (number, message) in &plan.sources.bad {
+            (self.report)(Event::Error { frame: Some(*number), message: message.clone() });
+        }
+        let key = self.manifest.settings_key(&plan.settings);
+        for (index, frame) in plan.frames.iter().enumerate() {
+            let mut entry = plan.entry(frame, &key);
+            let before = plan.manifest.frames.get(&file_name(&frame.output));
+            if let (Action::Skip, Some(before)) = (&frame.action, before) {
+                entry = Entry { status: Status::Skipped, reason: Some("already done".into()), ..before.clone() };
+            }
+            self.manifest.frames.insert(file_name(&frame.output), entry);
+            match &frame.action {
+                Action::Denoise(_) => {}
+                Action::Skip => self.finish(index, Status::Skipped, Some("already done".into()), 0.0),
+                Action::Fail(reason) => self.finish(index, Status::Failed, Some(reason.clone()), 0.0),
+            }
+        }
+    }
+
+    fn denoise_all(&mut self, engine: &Engine, cancel: &CancelToken) {
+        let plan = self.plan;
+        let order = decode_order(&plan.frames);
+        let ahead = usize::from(plan.sources.good.values().map(|s| s.bytes()).max().unwrap_or(0) <= BIG_FRAME);
+        let made_by = format!(
+            "hush {}, lambda {}, window {}, model {}",
+            env!("CARGO_PKG_VERSION"),
+            plan.settings.lambda,
+            plan.settings.window,
+            plan.settings.model.name
+        );
+        let options = WriteOptions { keep_noisy: self.job.keep_noisy, attributes: vec![("hush".into(), made_by)] };
+        thread::scope(|scope| {
+            let (decoded_in, decoded) = sync_channel(ahead);
+            let (work, work_out) = sync_channel(0);
+            let (written_in, written) = channel();
+            scope.spawn(move || decode(&order, plan, decoded_in));
+            scope.spawn(move || write(plan, &options, &work_out, &written_in));
+            self.compute(engine, cancel, &decoded, &work, &written);
+            // Both threads end when their channels do; what the writer holds is written whole.
+            drop((decoded, work));
+            written.iter().for_each(|w| self.settle(w));
+        });
+        self.summary.interrupted = cancel.is_cancelled() && self.finished < plan.frames.len();
+    }
+
+    /// Slides the window over the frames to do. Ends early when cancelled or stopped.
+    fn compute(
+        &mut self,
+        engine: &Engine,
+        cancel: &CancelToken,
+        decoded: &Receiver<Decoded>,
+        work: &SyncSender<Work>,
+        written: &Receiver<Written>,
+    ) {
+        let plan = self.plan;
+        let radius = plan.settings.window as i64;
+        let mut pixels = PixelChecks::default();
+        let mut ring: BTreeMap<i64, Slot> = BTreeMap::new();
+        let mut left = decode_order(&plan.frames).into_iter().peekable();
+        for (index, target) in plan.frames.iter().enumerate().filter(|(_, f)| matches!(f.action, Action::Denoise(_))) {
+            ring.retain(|n, _| *n >= target.frame - radius);
+            while left.next_if(|n| *n <= target.frame + radius).is_some() {
+                if self.must_end(cancel, written) {
+                    return;
+                }
+                let Ok(next) = decoded.recv() else { return };
+                self.take_in(next, engine, &mut ring, &mut pixels);
+            }
+            if self.must_end(cancel, written) {
+                return;
+            }
+            let Some(centre) = ring.get(&target.frame) else {
+                let reason = self.bad.get(&target.frame).cloned().unwrap_or_else(|| "could not be read".into());
+                self.finish(index, Status::Failed, Some(reason), 0.0);
+                continue;
+            };
+            (self.report)(Event::Working { frame: target.frame });
+            let began = Instant::now();
+            let window = neighbours(target.frame, plan.settings.window, |n| match self.bad.contains_key(&n) {
+                true => Known::Bad,
+                false => plan.sources.known(n),
+            });
+            let used = window.iter().filter(|n| n.unused.is_none());
+            let around: Vec<(i32, &Slot)> = used.filter_map(|n| ring.get(&n.number).map(|slot| (n.offset, slot))).collect();
+            let result = denoise_views(engine, centre, &around, plan.settings.lambda);
+            let seconds = centre.seconds + began.elapsed().as_secs_f64();
+            self.note_window(target, &window);
+            match result {
+                // A writer that is gone has said why in `written`.
+                Ok(denoised) => _ = work.send(Work { index, denoised, seconds }),
+                Err(error) => self.fail(index, error, seconds),
+            }
+        }
+        if let Some(warning) = pixels.finish() {
+            (self.report)(Event::Warning(&warning));
+        }
+    }
+
+    /// Whether to begin nothing more; settles what the writer has done.
+    fn must_end(&mut self, cancel: &CancelToken, written: &Receiver<Written>) -> bool {
+        written.try_iter().for_each(|w| self.settle(w));
+        cancel.is_cancelled() || self.summary.stopped.is_some()
+    }
+
+    /// Checks and encodes a frame that was decoded.
+    fn take_in(&mut self, decoded: Decoded, engine: &Engine, ring: &mut BTreeMap<i64, Slot>, pixels: &mut PixelChecks) {
+        let Decoded { number, frame } = decoded;
+        let began = Instant::now();
+        let encoded = frame.and_then(|(views, glance)| {
+            let seen = pixels.look(number, glance);
+            self.notes.entry(number).or_default().extend(seen.note);
+            if let Some(warning) = seen.warning {
+                (self.report)(Event::Warning(&warning));
+            }
+            views.into_iter().map(|frame| engine.encode(frame)).collect()
+        });
+        match encoded {
+            Ok(encoded) => _ = ring.insert(number, Slot { encoded, seconds: began.elapsed().as_secs_f64() }),
+            Err(error) => {
+                self.bad.insert(number, error.to_string());
+                (self.report)(Event::Error { frame: Some(number), message: error.to_string() });
+                if self.job.strict {
+                    self.stop(error);
+                }
+            }
+        }
+    }
+
+    /// Puts the window that a frame really had into the manifest.
+    fn note_window(&mut self, target: &PlannedFrame, window: &[Neighbour]) {
+        let neighbours = self.plan.neighbour_entries(window);
+        let notes = self.notes.remove(&target.frame).unwrap_or_default();
+        self.notes.retain(|n, _| *n > target.frame);
+        if let Some(entry) = self.manifest.frames.get_mut(&file_name(&target.output)) {
+            entry.neighbours = neighbours;
+            entry.warnings.extend(notes);
+        }
+    }
+
+    /// Takes note of what the writer did.
+    fn settle(&mut self, written: Written) {
+        match written.result {
+            Ok(()) => self.finish(written.index, Status::Denoised, None, written.seconds),
+            Err(error) => self.fail(written.index, error, written.seconds),
+        }
+        if self.saved.elapsed() >= SAVE_EVERY
+            && let Err(error) = self.save()
+        {
+            self.stop(error);
+        }
+    }
+
+    /// A frame that could not be denoised or written; the whole run ends where the next one would fare no better.
+    fn fail(&mut self, index: usize, error: Error, seconds: f64) {
+        let number = self.plan.frames.get(index).map(|f| f.frame);
+        (self.report)(Event::Error { frame: number, message: error.to_string() });
+        self.finish(index, Status::Failed, Some(error.to_string()), seconds);
+        if self.job.strict || ends_the_run(&error, &self.job.output) {
+            self.stop(error);
+        }
+    }
+
+    fn stop(&mut self, error: Error) {
+        if self.summary.stopped.is_none() {
+            (self.report)(Event::Error { frame: None, message: format!("stopped: {error}; run again to continue") });
+            self.summary.stopped = Some(error);
+        }
+    }
+
+    /// Counts a frame and tells about it.
+    fn finish(&mut self, index: usize, status: Status, reason: Option<String>, seconds: f64) {
+        let Some(frame) = self.plan.frames.get(index) else { return };
+        self.finished += 1;
+        let mut used = Vec::new();
+        if let Some(entry) = self.manifest.frames.get_mut(&file_name(&frame.output)) {
+            if status != Status::Skipped {
+                (entry.status, entry.reason, entry.seconds) = (status, reason.clone(), seconds);
+            }
+            used.extend(entry.neighbours.iter().filter(|n| n.used).map(|n| n.frame));
+            if status != Status::Failed && is_degraded(entry.neighbours.iter().map(|n| &n.reason)) {
+                self.summary.degraded.push(frame.frame);
+            }
+        }
+        match status {
+            Status::Denoised => self.summary.written += 1,
+            Status::Skipped => self.summary.skipped += 1,
+            Status::Failed | Status::Planned => self.summary.failed.push(frame.frame),
+        }
+        (self.report)(Event::Frame {
+            frame: frame.frame,
+            status,
+            source: frame.source.clone(),
+            output: frame.output.clone(),
+            neighbours: if status == Status::Failed { Vec::new() } else { used },
+            reason,
+            seconds,
+            finished: self.finished,
+            frames: self.plan.frames.len(),
+        });
+    }
+
+    fn save(&mut self) -> Result<()> {
+        self.saved = Instant::now();
+        self.manifest.save(&self.job.output)
+    }
+}
+
+/// Denoises each view with the same views of the frames around it.
+fn denoise_views(engine: &Engine, centre: &Slot, around: &[(i32, &Slot)], lambda: f32) -> Result<Vec<Denoised>> {
+    let view = |(index, centre): (usize, &EncodedFrame)| {
+        let neighbours: Vec<(i32, &EncodedFrame)> =
+            around.iter().filter_map(|(offset, slot)| Some((*offset, slot.encoded.get(index)?))).collect();
+        engine.denoise(centre, &neighbours, lambda)
+    };
+    centre.encoded.iter().enumerate().map(view).collect()
+}
+
+/// The frames to decode: those to do and the neighbours that they use, ascending.
+fn decode_order(frames: &[PlannedFrame]) -> Vec<i64> {
+    let mut order: Vec<i64> = frames
+        .iter()
+        .filter(|f| matches!(f.action, Action::Denoise(_)))
+        .flat_map(|f| f.neighbours.iter().filter(|n| n.unused.is_none()).map(|n| n.number).chain([f.frame]))
+        .collect();
+    order.sort_unstable();
+    order.dedup();
+    order
+}
+
+/// The decoder thread; ends when nobody takes its frames any more.
+fn decode(order: &[i64], plan: &Plan, to: SyncSender<Decoded>) {
+    for &number in order {
+        let Some(source) = plan.sources.good.get(&number) else { return };
+        let frame = source.read().and_then(|views| {
+            let first = views.first().ok_or_else(|| Error::bad_file(&source.path, "holds no image"))?;
+            let glance = Glance::of(first);
+            Ok((views, glance))
+        });
+        if to.send(Decoded { number, frame }).is_err() {
+            return;
+        }
+    }
+}
+
+/// The writer thread; ends with its input. After a full disk it takes frames no more.
+fn write(plan: &Plan, options: &WriteOptions, from: &Receiver<Work>, to: &Sender<Written>) {
+    for Work { index, denoised, seconds } in from {
+        let Some(frame) = plan.frames.get(index) else { return };
+        let Some(source) = plan.sources.good.get(&frame.frame) else { return };
+        let views: Vec<(&Resolved, &Denoised)> = source.views.iter().zip(&denoised).collect();
+        let result = write_views(&source.layout, &views, options, &frame.output);
+        let over = result.as_ref().err().is_some_and(|e| frame.output.parent().is_some_and(|folder| ends_the_run(e, folder)));
+        if to.send(Written { index, result, seconds }).is_err() || over {
+            return;
+        }
+    }
+}
+
+/// Whether an error is about the output folder itself, so that every further frame would meet it too.
+fn ends_the_run(error: &Error, output: &Path) -> bool {
+    use std::io::ErrorKind::{NotADirectory, NotFound, PermissionDenied, QuotaExceeded, ReadOnlyFilesystem, StorageFull};
+    match error {
+        Error::Io { path, source } => {
+            let kinds = [StorageFull, QuotaExceeded, ReadOnlyFilesystem, PermissionDenied, NotFound, NotADirectory];
+            path.starts_with(output) && kinds.contains(&source.kind())
+        }
+        _ => false,
+    }
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::ErrorKind;
+
+    use super::*;
+
+    #[test]
+    fn only_errors_of_the_output_folder_end_the_run() {
+        let out = Path::new("out");
+        let error = |path: &str, kind: ErrorKind| Error::io(path, kind.into());
+        for kind in [ErrorKind::StorageFull, ErrorKind::QuotaExceeded, ErrorKind::PermissionDenied, ErrorKind::NotFound] {
+            assert!(ends_the_run(&error("out/f_0001.exr", kind), out), "{kind}");
+            assert!(!ends_the_run(&error("shot/f_0001.exr", kind), out), "{kind}");
+        }
+        assert!(!ends_the_run(&error("out/f_0001.exr", ErrorKind::Interrupted), out));
+        assert!(!ends_the_run(&Error::bad_file("out/f_0001.exr", "is damaged"), out));
+    }
+}

@@ -1,0 +1,67 @@
+//! A frame's file once its header was read: what it holds and what will be read from it.
+
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::path::{Path, PathBuf};
+
+use crate::error::Result;
+use crate::frame::Frame;
+use crate::io::{Layout, Resolved, Selection, caveats, read_frame, read_layout, resolve_views};
+use crate::plan::checks::Header;
+use crate::plan::window::Known;
+
+/// A readable file of the sequence.
+pub(super) struct Source {
+    pub path: PathBuf,
+    pub layout: Layout,
+    /// The stereo views to denoise; one where there is one image.
+    pub views: Vec<Resolved>,
+    pub header: Header,
+    passes: u64,
+}
+
+impl Source {
+    /// Reads the header and picks the passes.
+    pub fn open(number: i64, path: &Path, selection: &Selection) -> Result<Self> {
+        let layout = read_layout(path)?;
+        let views = resolve_views(&layout, selection)?;
+        let first = views.first();
+        let mut notes: Vec<String> = views.iter().flat_map(|v| v.notes.clone().into_iter().chain(caveats(&layout, v))).collect();
+        let mut missing: Vec<_> = views.iter().flat_map(|v| &v.missing).map(|m| (m.pass.clone(), m.advice.clone())).collect();
+        notes.sort();
+        notes.dedup();
+        missing.sort();
+        missing.dedup();
+        let header = Header {
+            number,
+            columns: first.map_or(layout.columns, |v| v.columns),
+            rows: first.map_or(layout.rows, |v| v.rows),
+            vector: !views.is_empty() && views.iter().all(|v| v.vector.is_some()),
+            noisy_image: views.iter().any(|v| v.colour != v.target),
+            missing,
+            notes,
+        };
+        let mut hasher = DefaultHasher::new();
+        for view in &views {
+            (view.columns, view.rows, &view.view).hash(&mut hasher);
+            view.aovs.iter().for_each(|a| a.name.hash(&mut hasher));
+        }
+        Ok(Self { path: path.into(), layout, views, header, passes: hasher.finish() })
+    }
+
+    /// For the window.
+    pub fn known(&self) -> Known {
+        let Header { columns, rows, vector, .. } = self.header;
+        Known::Good { columns, rows, vector, passes: self.passes }
+    }
+
+    /// Decodes the views.
+    pub fn read(&self) -> Result<Vec<Frame>> {
+        self.views.iter().map(|view| read_frame(&self.layout, view)).collect()
+    }
+
+    /// About the bytes of the decoded frame.
+    pub fn bytes(&self) -> usize {
+        let channels = |v: &Resolved| 14 + 3 * v.aovs.len();
+        self.views.iter().map(|v| v.columns * v.rows * channels(v) * size_of::<f32>()).sum()
+    }
+}

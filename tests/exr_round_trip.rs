@@ -1,0 +1,394 @@
+//! Every kind of file that Blender writes: read, denoised (here: halved), written, and compared bit for bit.
+
+mod exr_support;
+
+use std::path::Path;
+
+use exr::prelude::{Compression, LineOrder, SampleType};
+use exr_support::*;
+use hush::io::{
+    Selection, WriteOptions, is_complete, read_frame, read_layout, resolve, resolve_views, write_denoised, write_views,
+};
+use hush::{Aov, Denoised, Frame};
+
+const KEEP: WriteOptions = WriteOptions { keep_noisy: true, attributes: Vec::new() };
+
+/// A stand-in for the engine with values that half-floats hold exactly.
+fn halve(frame: &Frame) -> Denoised {
+    let half = |a: &ndarray::Array3<f32>| a.mapv(|v| v * 0.5);
+    Denoised {
+        colour: half(&frame.colour),
+        alpha: frame.alpha.as_ref().map(|a| a.mapv(|v| v * 0.5)),
+        aovs: frame.aovs.iter().map(|a| Aov { name: a.name.clone(), image: half(&a.image) }).collect(),
+    }
+}
+
+fn denoise(source: &Path, output: &Path, selection: &Selection, options: &WriteOptions) {
+    let layout = read_layout(source).unwrap();
+    let resolved = resolve_views(&layout, selection).unwrap();
+    let denoised: Vec<Denoised> = resolved.iter().map(|r| halve(&read_frame(&layout, r).unwrap())).collect();
+    let views: Vec<_> = resolved.iter().zip(&denoised).collect();
+    write_views(&layout, &views, options, output).unwrap();
+    is_complete(output).unwrap();
+}
+
+/// Compares an output with its source: `halved` channels are halved, `kept` ones (name in the output, name in the source) are there
+/// as new copies, all others are the same bits.
+fn compare(source: &Path, output: &Path, halved: impl Fn(&str, &str) -> bool, added: usize, tolerance: f32, what: &str) {
+    let ((before, old), (after, new)) = (read(source), read(output));
+    let mut changed = 0;
+    for ((view, name), (sample, bits)) in &old {
+        let (new_sample, new_bits) = &new[&(view.clone(), name.clone())];
+        assert_eq!(sample, new_sample, "{what} {name}");
+        if !halved(view, name) {
+            assert!(bits == new_bits, "{what}: {view} {name} changed");
+            continue;
+        }
+        changed += 1;
+        for (&a, &b) in bits.iter().zip(new_bits) {
+            let (expected, found) = (float(*sample, a) * 0.5, float(*sample, b));
+            assert!((expected - found).abs() <= tolerance, "{what} {name}: {found}, expected {expected}");
+        }
+    }
+    assert!(changed > 0, "{what}: nothing was denoised");
+    assert_eq!(new.len(), old.len() + added, "{what}: channels");
+    for (before, after) in before.headers.iter().zip(&after.headers) {
+        assert_eq!(before.own_attributes, after.own_attributes, "{what}");
+        assert_eq!(before.shared_attributes, after.shared_attributes, "{what}");
+        assert_eq!((before.compression, before.line_order, before.blocks), (after.compression, after.line_order, after.blocks));
+    }
+}
+
+fn is_beauty(_: &str, name: &str) -> bool {
+    name.contains("Combined")
+}
+
+#[test]
+fn lossless_files_change_in_nothing_but_the_beauty() {
+    for compression in LOSSLESS {
+        for sample in [SampleType::F16, SampleType::F32] {
+            for multipart in [false, true] {
+                let what = format!("{compression:?} {sample:?} multipart {multipart}");
+                let (_folder, source, output) = folder();
+                write(&source, render(sample, multipart, SIZE), Style::new(compression));
+                denoise(&source, &output, &Selection::default(), &KEEP);
+                compare(&source, &output, is_beauty, 4, 0.0, &what);
+                let (old, new) = (read(&source).1, read(&output).1);
+                for letter in ["R", "G", "B", "A"] {
+                    let key = |pass: &str| (String::new(), format!("ViewLayer.{pass}.{letter}"));
+                    assert!(old[&key("Combined")] == new[&key("Noisy Image")], "{what}: kept {letter}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn lossy_files_keep_every_other_part_bit_for_bit() {
+    for compression in LOSSY {
+        for sample in [SampleType::F16, SampleType::F32] {
+            let what = format!("{compression:?} {sample:?}");
+            let (_folder, source, output) = folder();
+            write(&source, render(sample, true, SIZE), Style::new(compression));
+            denoise(&source, &output, &Selection::default(), &KEEP);
+            compare(&source, &output, is_beauty, 4, 0.02, &what);
+            let (old, new) = (read(&source).1, read(&output).1);
+            let key = |pass: &str| (String::new(), format!("ViewLayer.{pass}.G"));
+            assert!(old[&key("Combined")] == new[&key("Noisy Image")], "{what}: kept input");
+        }
+    }
+}
+
+#[test]
+fn lossy_single_part_files_keep_cryptomatte_under_dwa_and_say_what_they_do() {
+    for compression in LOSSY {
+        let (_folder, source, output) = folder();
+        write(&source, render(SampleType::F16, false, SIZE), Style::new(compression));
+        denoise(&source, &output, &Selection::default(), &KEEP);
+        let layout = read_layout(&source).unwrap();
+        assert_eq!(hush::io::caveats(&layout, &resolve(&layout, &Selection::default()).unwrap()).len(), 1);
+        let (old, new) = (read(&source).1, read(&output).1);
+        for (key, (sample, bits)) in &old {
+            let (_, found) = &new[key];
+            if key.1.contains("Crypto") || key.1.contains("IndexOB") {
+                assert!(bits == found, "{compression:?}: {} changed", key.1);
+            } else if !is_beauty("", &key.1) {
+                let worst =
+                    bits.iter().zip(found).map(|(&a, &b)| (float(*sample, a) - float(*sample, b)).abs()).fold(0.0, f32::max);
+                assert!(worst < 0.02, "{compression:?} {}: {worst}", key.1);
+            }
+        }
+    }
+}
+
+#[test]
+fn stereo_files_of_both_kinds_are_denoised_in_both_views() {
+    let views = ["left", "right"];
+    for multipart in [true, false] {
+        let (_folder, source, output) = folder();
+        let mut parts = Vec::new();
+        for (i, view) in views.iter().enumerate() {
+            for (name, letters) in [("Combined", "RGBA"), ("Vector", "XYZW")] {
+                let prefix = if multipart { format!("ViewLayer.{name}") } else { format!("ViewLayer.{name}.{view}") };
+                let channels = pass(&prefix, letters, SampleType::F32, SIZE, i as u64 + 1);
+                let name = Some(format!("ViewLayer.{name}-{view}"));
+                parts.push(Part { name, view: Some(view.to_string()), channels, ..Part::default() });
+            }
+        }
+        if !multipart {
+            let channels = parts.into_iter().flat_map(|p| p.channels).collect();
+            parts = vec![Part { channels, multi_view: views.map(String::from).to_vec(), ..Part::default() }];
+        }
+        write(&source, parts, Style::new(Compression::ZIP16));
+        let layout = read_layout(&source).unwrap();
+        assert_eq!((layout.layers.len(), &layout.layers[0].views[..]), (1, &views.map(String::from)[..]));
+        denoise(&source, &output, &Selection::default(), &KEEP);
+        compare(&source, &output, is_beauty, 8, 0.0, &format!("stereo, multipart {multipart}"));
+        let written = read_layout(&output).unwrap();
+        for view in views {
+            assert!(written.layers[0].pass("Noisy Image", Some(view)).is_some_and(|p| p.channels.len() == 4), "{view}");
+        }
+        // One view alone leaves the other as it is.
+        let right = Selection { view: Some("right".into()), ..Selection::default() };
+        denoise(&source, &output, &right, &WriteOptions::default());
+        compare(&source, &output, |v, n| is_beauty(v, n) && (v == "right" || n.contains(".right.")), 0, 0.0, "right view");
+    }
+}
+
+#[test]
+fn layer_names_may_hold_dots_and_spaces() {
+    for multipart in [false, true] {
+        let (_folder, source, output) = folder();
+        let mut channels = pass("My layer.v2 x.Combined", "RGBA", SampleType::F16, SIZE, 1);
+        channels.extend(pass("ViewLayer.Combined", "RGBA", SampleType::F16, SIZE, 2));
+        channels.extend(pass("My layer.v2 x.Vector", "XYZW", SampleType::F32, SIZE, 3));
+        let part = |name: &str, channels| Part { name: Some(name.into()), channels, ..Part::default() };
+        let parts = match multipart {
+            false => vec![Part { channels, ..Part::default() }],
+            true => {
+                let rest = channels.split_off(4);
+                vec![part("My layer.v2 x.Combined", channels), part("everything else", rest)]
+            }
+        };
+        write(&source, parts, Style::new(Compression::PIZ));
+        let selection = Selection { layer: Some("My layer.v2 x".into()), ..Selection::default() };
+        let layout = read_layout(&source).unwrap();
+        let resolved = resolve(&layout, &selection).unwrap();
+        assert_eq!(resolved.vector.as_ref().map(|v| v.channels[0].name.as_str()), Some("My layer.v2 x.Vector.X"));
+        denoise(&source, &output, &selection, &KEEP);
+        compare(&source, &output, |_, n| n.starts_with("My layer.v2 x.Combined"), 4, 0.0, "dots and spaces");
+        // The other layer has no vectors of its own, but can borrow them.
+        let other = Selection { layer: Some("ViewLayer".into()), ..Selection::default() };
+        let resolved = resolve(&layout, &other).unwrap();
+        assert!(resolved.missing.iter().any(|m| m.pass == "Vector" && m.advice.contains("My layer.v2 x")));
+        let borrowed = Selection { vector_layer: Some("My layer.v2 x".into()), ..other };
+        assert!(resolve(&layout, &borrowed).unwrap().vector.is_some());
+    }
+}
+
+#[test]
+fn file_output_layers_have_no_prefix() {
+    for multipart in [false, true] {
+        let (_folder, source, output) = folder();
+        let passes = [("Image", "RGBA"), ("Denoising Depth", "V"), ("Denoising Albedo", "RGBA"), ("Vector", "XYZW")];
+        let mut parts: Vec<Part> = passes
+            .iter()
+            .map(|(name, letters)| Part {
+                name: Some(name.to_string()),
+                attributes: vec![("Frame".into(), "2".into())],
+                channels: pass(name, letters, SampleType::F32, SIZE, 9),
+                ..Part::default()
+            })
+            .collect();
+        if !multipart {
+            let attributes = std::mem::take(&mut parts[0].attributes);
+            let channels = parts.into_iter().flat_map(|p| p.channels).collect();
+            parts = vec![Part { channels, attributes, ..Part::default() }];
+        }
+        write(&source, parts, Style::new(Compression::ZIP16));
+        let layout = read_layout(&source).unwrap();
+        assert_eq!((layout.layers.len(), layout.layers[0].name.as_str(), layout.frame), (1, "", Some(2)));
+        let resolved = resolve(&layout, &Selection::default()).unwrap();
+        assert!(resolved.depth.is_some() && resolved.albedo.is_some() && resolved.vector.is_some());
+        assert_eq!(resolved.missing.len(), 1);
+        denoise(&source, &output, &Selection::default(), &KEEP);
+        compare(&source, &output, |_, n| n.starts_with("Image."), 4, 0.0, "File Output");
+        assert!(read(&output).1.contains_key(&(String::new(), "Noisy Image.R".into())));
+    }
+}
+
+#[test]
+fn plain_images_are_colour_alone() {
+    let (_folder, source, output) = folder();
+    let channels = pass("", "RGB", SampleType::F16, SIZE, 1);
+    write(&source, vec![Part { channels, ..Part::default() }], Style::new(Compression::ZIP16));
+    denoise(&source, &output, &Selection::default(), &KEEP);
+    compare(&source, &output, |_, _| true, 3, 0.0, "plain");
+    let layout = read_layout(&source).unwrap();
+    let resolved = resolve(&layout, &Selection::default()).unwrap();
+    assert_eq!(resolved.missing.len(), 4);
+    assert!(!resolved.surely_noisy);
+}
+
+/// Blender 5 names the only part after the pass, and would not see a second pass in it.
+#[test]
+fn a_named_single_part_gets_a_second_part_for_the_noisy_image() {
+    for tiles in [None, Some(16)] {
+        let (_folder, source, output) = folder();
+        let channels = pass("ViewLayer.Combined", "RGBA", SampleType::F16, SIZE, 1);
+        let style = Style { tiles, ..Style::new(Compression::ZIP16) };
+        write(&source, vec![Part { name: Some("ViewLayer.Combined".into()), channels, ..Part::default() }], style);
+        assert!(!read_layout(&source).unwrap().multipart);
+        denoise(&source, &output, &Selection::default(), &KEEP);
+        compare(&source, &output, is_beauty, 4, 0.0, "one pass");
+        let layout = read_layout(&output).unwrap();
+        let names: Vec<_> = layout.part_list.iter().filter_map(|p| p.name.as_deref()).collect();
+        assert!(layout.multipart);
+        assert_eq!(names, ["ViewLayer.Combined", "ViewLayer.Noisy Image"]);
+    }
+}
+
+#[test]
+fn noisy_image_wins_and_stays() {
+    for multipart in [false, true] {
+        let (_folder, source, output) = folder();
+        let passes = vec![
+            ("Combined", pass("ViewLayer.Combined", "RGBA", SampleType::F32, SIZE, 1)),
+            ("Noisy Image", pass("ViewLayer.Noisy Image", "RGBA", SampleType::F32, SIZE, 2)),
+        ];
+        write(&source, split(passes, vec![], multipart), Style::new(Compression::ZIP16));
+        denoise(&source, &output, &Selection::default(), &KEEP);
+        let (old, new) = (read(&source).1, read(&output).1);
+        assert_eq!(old.len(), new.len());
+        for letter in ["R", "G", "B", "A"] {
+            let key = |pass: &str| (String::new(), format!("ViewLayer.{pass}.{letter}"));
+            assert!(old[&key("Noisy Image")] == new[&key("Noisy Image")]);
+            let noisy = old[&key("Noisy Image")].1.iter().map(|&b| f32::from_bits(b) * 0.5);
+            assert!(noisy.eq(new[&key("Combined")].1.iter().map(|&b| f32::from_bits(b))), "{letter}");
+        }
+        let layout = read_layout(&source).unwrap();
+        let combined = Selection { denoised_ok: true, ..Selection::default() };
+        assert_eq!(resolve(&layout, &combined).unwrap().colour.pass, "Combined");
+        assert!(resolve(&layout, &Selection::default()).unwrap().surely_noisy);
+    }
+}
+
+#[test]
+fn data_windows_with_an_offset_tiles_and_decreasing_lines_are_kept() {
+    let mut offset = Style::new(Compression::ZIP16);
+    offset.origin = (-13, 600);
+    let mut decreasing = offset;
+    decreasing.line_order = LineOrder::Decreasing;
+    let mut tiled = offset;
+    tiled.tiles = Some(16);
+    for (style, what) in [(offset, "offset"), (decreasing, "decreasing"), (tiled, "tiles")] {
+        for multipart in [false, true] {
+            let (_folder, source, output) = folder();
+            write(&source, render(SampleType::F16, multipart, SIZE), style);
+            denoise(&source, &output, &Selection::default(), &KEEP);
+            compare(&source, &output, is_beauty, 4, 0.0, what);
+            assert_eq!(read_layout(&output).unwrap().part_list[0].origin, [-13, 600], "{what}");
+        }
+    }
+}
+
+#[test]
+fn sizes_down_to_one_pixel_work() {
+    for size in [(1, 1), (1, 40), (40, 1), (3, 33)] {
+        for compression in LOSSLESS.into_iter().chain(LOSSY) {
+            let (_folder, source, output) = folder();
+            let mut style = Style::new(compression);
+            style.size = size;
+            write(&source, render(SampleType::F16, true, size), style);
+            denoise(&source, &output, &Selection::default(), &KEEP);
+            compare(&source, &output, is_beauty, 4, 0.02, &format!("{size:?} {compression:?}"));
+        }
+    }
+}
+
+#[test]
+fn the_frame_holds_the_values_of_the_file() {
+    let (_folder, source, _) = folder();
+    write(&source, render(SampleType::F16, true, SIZE), Style::new(Compression::ZIP16));
+    let layout = read_layout(&source).unwrap();
+    assert_eq!((layout.columns, layout.rows, layout.parts), (SIZE.0, SIZE.1, 7));
+    assert_eq!((layout.frame, layout.spp, layout.software.as_deref()), (Some(7), Some(4), Some("Blender 5.0.1")));
+    let frame = read_frame(&layout, &resolve(&layout, &Selection::default()).unwrap()).unwrap();
+    frame.check().unwrap();
+    let pixels = read(&source).1;
+    let value = |name: &str, row: usize, column: usize| {
+        let (sample, bits) = &pixels[&(String::new(), format!("ViewLayer.{name}"))];
+        float(*sample, bits[row * SIZE.0 + column])
+    };
+    for (row, column) in [(0, 0), (69, 36), (15, 16), (33, 5)] {
+        for (k, (rgb, xyzw)) in [("R", "X"), ("G", "Y"), ("B", "Z"), ("A", "W")].into_iter().enumerate() {
+            assert_eq!(frame.vector.as_ref().unwrap()[[row, column, k]], value(&format!("Vector.{xyzw}"), row, column));
+            if k == 3 {
+                assert_eq!(frame.alpha.as_ref().unwrap()[[row, column]], value("Combined.A", row, column));
+                continue;
+            }
+            assert_eq!(frame.colour[[row, column, k]], value(&format!("Combined.{rgb}"), row, column));
+            assert_eq!(frame.albedo.as_ref().unwrap()[[row, column, k]], value(&format!("Denoising Albedo.{rgb}"), row, column));
+            assert_eq!(frame.normal.as_ref().unwrap()[[row, column, k]], value(&format!("Denoising Normal.{xyzw}"), row, column));
+        }
+        assert_eq!(frame.depth.as_ref().unwrap()[[row, column]], value("Denoising Depth.Z", row, column));
+    }
+}
+
+#[test]
+fn alpha_of_one_everywhere_is_none_and_stays() {
+    let (_folder, source, output) = folder();
+    let mut parts = render(SampleType::F16, true, SIZE);
+    parts[0].channels[3].bits.fill(bits(SampleType::F16, 1.0));
+    assert!(parts[0].channels[3].name.ends_with(".A"));
+    write(&source, parts, Style::new(Compression::ZIP16));
+    let layout = read_layout(&source).unwrap();
+    assert!(read_frame(&layout, &resolve(&layout, &Selection::default()).unwrap()).unwrap().alpha.is_none());
+    denoise(&source, &output, &Selection::default(), &WriteOptions::default());
+    compare(&source, &output, |_, n| is_beauty("", n) && !n.ends_with(".A"), 0, 0.0, "opaque");
+}
+
+#[test]
+fn half_floats_are_clamped_and_attributes_added() {
+    let (_folder, source, output) = folder();
+    write(&source, render(SampleType::F16, true, SIZE), Style::new(Compression::ZIP16));
+    let layout = read_layout(&source).unwrap();
+    let resolved = resolve(&layout, &Selection::default()).unwrap();
+    let mut denoised = halve(&read_frame(&layout, &resolved).unwrap());
+    denoised.colour.fill(1e9);
+    denoised.colour[[0, 0, 0]] = -1e9;
+    let options = WriteOptions { attributes: vec![("hush.lambda".into(), "4".into())], ..WriteOptions::default() };
+    write_denoised(&layout, &resolved, &denoised, &options, &output).unwrap();
+    let (meta, pixels) = read(&output);
+    let red = &pixels[&(String::new(), "ViewLayer.Combined.R".to_string())].1;
+    assert_eq!(float(SampleType::F16, red[0]), -65504.0);
+    assert!(red[1..].iter().all(|&b| float(SampleType::F16, b) == 65504.0));
+    let added = |h: &exr::meta::header::Header| h.own_attributes.other.keys().any(|k| k.eq("hush.lambda"));
+    assert!(meta.headers.iter().all(added));
+    for name in ["", "compression", "name"] {
+        let options = WriteOptions { attributes: vec![(name.into(), "x".into())], ..WriteOptions::default() };
+        assert!(write_denoised(&layout, &resolved, &denoised, &options, &output).is_err(), "{name:?}");
+    }
+}
+
+#[test]
+fn the_source_is_never_overwritten_and_errors_leave_nothing() {
+    let (folder, source, output) = folder();
+    write(&source, render(SampleType::F16, true, SIZE), Style::new(Compression::ZIP16));
+    let before = std::fs::read(&source).unwrap();
+    let layout = read_layout(&source).unwrap();
+    let resolved = resolve(&layout, &Selection::default()).unwrap();
+    let denoised = halve(&read_frame(&layout, &resolved).unwrap());
+    let options = WriteOptions::default();
+    let roundabout = folder.path().join(".").join("in.exr");
+    for destination in [&source, &roundabout] {
+        let refused = write_denoised(&layout, &resolved, &denoised, &options, destination);
+        assert!(refused.unwrap_err().to_string().contains("never overwritten"));
+    }
+    let small = Denoised { colour: ndarray::Array3::zeros((2, 2, 3)), ..denoised.clone() };
+    assert!(write_denoised(&layout, &resolved, &small, &options, &output).is_err());
+    let missing = folder.path().join("no folder").join("out.exr");
+    assert!(write_denoised(&layout, &resolved, &denoised, &options, &missing).is_err());
+    assert_eq!(std::fs::read(&source).unwrap(), before);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}

@@ -1,0 +1,114 @@
+//! Which passes are chosen, and what is said about those that are missing.
+
+mod exr_support;
+
+use exr::prelude::{Compression, SampleType};
+use exr_support::*;
+use hush::Error;
+use hush::io::{Guides, Layout, Selection, inspect, read_layout, resolve};
+
+fn layout_of(passes: &[(&str, &str)], attributes: &[(&str, &str)], compression: Compression) -> (tempfile::TempDir, Layout) {
+    let (folder, source, _) = folder();
+    let channels = passes.iter().flat_map(|(prefix, letters)| pass(prefix, letters, SampleType::F16, SIZE, 1)).collect();
+    let attributes = attributes.iter().map(|(a, b)| (a.to_string(), b.to_string())).collect();
+    write(&source, vec![Part { channels, attributes, ..Part::default() }], Style::new(compression));
+    let layout = read_layout(&source).unwrap();
+    (folder, layout)
+}
+
+const FULL: [(&str, &str); 5] = [
+    ("ViewLayer.Combined", "RGBA"),
+    ("ViewLayer.Denoising Albedo", "RGB"),
+    ("ViewLayer.Denoising Normal", "XYZ"),
+    ("ViewLayer.Denoising Depth", "Z"),
+    ("ViewLayer.Vector", "XYZW"),
+];
+
+#[test]
+fn the_layer_with_the_most_samples_wins() {
+    let mut passes = vec![("A vectors.Combined", "RGBA"), ("A vectors.Vector", "XYZW")];
+    passes.extend(FULL);
+    passes.push(("Composite.Combined", "RGBA"));
+    let samples = [("cycles.A vectors.samples", "1"), ("cycles.ViewLayer.samples", "64")];
+    let (_folder, layout) = layout_of(&passes, &samples, Compression::ZIP16);
+    let resolved = resolve(&layout, &Selection::default()).unwrap();
+    assert_eq!(resolved.layer, "ViewLayer");
+    assert!(resolved.notes[0].contains("A vectors, Composite"), "{:?}", resolved.notes);
+    let borrowed = Selection { vector_layer: Some("A vectors".into()), ..Selection::default() };
+    assert_eq!(resolve(&layout, &borrowed).unwrap().vector.unwrap().layer, "A vectors");
+    let unknown = Selection { layer: Some("Nope".into()), ..Selection::default() };
+    assert!(resolve(&layout, &unknown).unwrap_err().to_string().contains("A vectors, Composite, ViewLayer"));
+    let view = Selection { view: Some("left".into()), ..Selection::default() };
+    assert!(resolve(&layout, &view).unwrap_err().to_string().contains("one view only"));
+}
+
+#[test]
+fn any_mix_of_guides_is_fine_and_the_rest_is_named() {
+    for mask in 0..16 {
+        let guides = Guides { albedo: mask & 1 != 0, normal: mask & 2 != 0, depth: mask & 4 != 0, vector: mask & 8 != 0 };
+        let there = [guides.albedo, guides.normal, guides.depth, guides.vector];
+        let mut passes = vec![FULL[0]];
+        passes.extend(FULL[1..].iter().zip(there).filter(|(_, there)| *there).map(|(p, _)| *p));
+        let (_folder, layout) = layout_of(&passes, &[], Compression::ZIP16);
+        let resolved = resolve(&layout, &Selection::default()).unwrap();
+        let found = [&resolved.albedo, &resolved.normal, &resolved.depth, &resolved.vector].map(|g| g.is_some());
+        assert_eq!(found, there);
+        assert_eq!(resolved.missing.len(), there.iter().filter(|t| !**t).count());
+        assert!(resolved.missing.iter().all(|m| m.advice.contains("View Layer › Passes › Data ›")));
+        // Guides that are switched off are neither used nor missed.
+        let (_folder, full) = layout_of(&FULL, &[], Compression::ZIP16);
+        let resolved = resolve(&full, &Selection { guides, ..Selection::default() }).unwrap();
+        let found = [&resolved.albedo, &resolved.normal, &resolved.depth, &resolved.vector].map(|g| g.is_some());
+        assert_eq!((found, resolved.missing.len()), (there, 0));
+    }
+}
+
+#[test]
+fn vectors_without_w_and_lossy_guides_are_pointed_out() {
+    let (_folder, layout) = layout_of(&[FULL[0], ("ViewLayer.Vector", "XYZ")], &[], Compression::ZIP16);
+    let resolved = resolve(&layout, &Selection::default()).unwrap();
+    assert!(resolved.vector.is_none());
+    assert!(resolved.missing.iter().any(|m| m.advice.contains("four dimensions")));
+    let (_folder, layout) = layout_of(&FULL, &[], Compression::DWAA(None));
+    assert!(resolve(&layout, &Selection::default()).unwrap().notes.iter().any(|n| n.contains("lossy")));
+}
+
+#[test]
+fn files_without_a_beauty_are_refused_with_advice() {
+    for (passes, advice) in [
+        (vec![FULL[1], FULL[4]], "Passes › Data › Combined"),
+        (vec![("", "Y")], "black and white"),
+        (vec![("ViewLayer.CryptoObject00", "rgba")], "Passes › Data › Combined"),
+    ] {
+        let (_folder, layout) = layout_of(&passes, &[], Compression::ZIP16);
+        match resolve(&layout, &Selection::default()) {
+            Err(Error::MissingPass { advice: found, .. }) => assert!(found.contains(advice), "{found}"),
+            other => panic!("{other:?}"),
+        }
+        let inspection = inspect(&layout.path).unwrap();
+        assert!(inspection.problem.as_ref().is_some_and(|p| p.contains(advice)));
+        assert!(inspection.describe().contains("cannot denoise"));
+    }
+}
+
+#[test]
+fn inspecting_tells_what_is_used_and_what_is_missing() {
+    let passes =
+        [FULL[0], FULL[1], ("ViewLayer.DiffDir", "RGB"), ("ViewLayer.DiffCol", "RGB"), ("ViewLayer.Combined_Key", "RGB")];
+    let (_folder, layout) = layout_of(&passes, &[("Frame", "012")], Compression::DWAB(None));
+    let inspection = inspect(&layout.path).unwrap();
+    let text = inspection.describe();
+    for expected in [
+        "37×70 pixels, DWAB compression, one part, frame 12",
+        "ViewLayer.Combined\n",
+        "Denoising Normal         enable View Layer › Passes › Data › Denoising Data",
+        "Vector                   enable View Layer › Passes › Data › Vector",
+        "(--aov): Combined_Key, DiffDir",
+        "Note: DWAB compression is lossy",
+    ] {
+        assert!(text.contains(expected), "{expected:?} is not in\n{text}");
+    }
+    let json = serde_json::to_value(&inspection).unwrap();
+    assert_eq!(json["uses"][0]["pass"], "ViewLayer.Combined");
+    assert_eq!(json["columns"], 37);
+}

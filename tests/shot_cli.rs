@@ -1,0 +1,188 @@
+//! The command: exit codes, JSON events, dry runs, and what signals leave behind.
+
+mod common;
+
+use std::io::{BufRead, BufReader};
+use std::process::{Child, Command, Output, Stdio};
+
+use common::{Look, Shot, name};
+use serde_json::Value;
+
+fn hush(shot: &Shot, args: &[&str]) -> Output {
+    command(shot, args).output().unwrap()
+}
+
+fn command(shot: &Shot, args: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_hush"));
+    command.current_dir(shot.dir.path()).args(args).stdin(Stdio::null());
+    command
+}
+
+fn out(output: &Output) -> String {
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+fn err(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+fn events(text: &str) -> Vec<Value> {
+    text.lines().map(|line| serde_json::from_str(line).unwrap_or_else(|e| panic!("{line}: {e}"))).collect()
+}
+
+fn named(events: &[Value], name: &str) -> Vec<Value> {
+    events.iter().filter(|e| e["event"] == name).cloned().collect()
+}
+
+#[test]
+fn the_readme_command_writes_every_frame() {
+    let shot = Shot::new(1..=3, Look::default());
+    let first = hush(&shot, &["denoise", "shot", "--output", "out"]);
+    assert_eq!(first.status.code(), Some(0), "{}", err(&first));
+    assert_eq!(shot.written(), (1..=3).map(name).collect::<Vec<_>>());
+    assert!(out(&first).is_empty() && err(&first).contains("3 denoised"), "{}", err(&first));
+    let again = hush(&shot, &["denoise", "shot/f_####.exr", "--output", "out"]);
+    assert!(again.status.success() && err(&again).contains("3 already done"), "{}", err(&again));
+    let quiet = hush(&shot, &["denoise", "shot/f_*.exr", "--output", "out", "--overwrite", "--quiet"]);
+    assert!(quiet.status.success() && quiet.stderr.is_empty() && quiet.stdout.is_empty());
+}
+
+#[test]
+fn json_events_are_one_object_a_line() {
+    let shot = Shot::new([1, 2, 3, 5], Look::default());
+    shot.truncate(3);
+    let output = hush(&shot, &["denoise", "shot", "-o", "out", "--json", "--lambda", "100"]);
+    assert_eq!(output.status.code(), Some(2));
+    let events = events(&out(&output));
+    assert_eq!(events.first().unwrap()["event"], "start");
+    assert_eq!(events.last().unwrap()["event"], "done");
+    let start = &events[0];
+    assert_eq!((&start["frames"], &start["window"], &start["lambda"]), (&4.into(), &2.into(), &64.0.into()));
+    let frames = named(&events, "frame");
+    assert_eq!(frames.len(), 4);
+    assert_eq!(frames.iter().filter(|f| f["status"] == "denoised").count(), 3);
+    assert_eq!(frames.last().unwrap()["finished"], 4);
+    let warnings: Vec<_> = named(&events, "warning").iter().map(|w| w["kind"].clone()).collect();
+    assert_eq!(warnings, ["setting", "missing_frames"]);
+    assert_eq!(named(&events, "error")[0]["frame"], 3);
+    assert_eq!(events.last().unwrap()["failed"], serde_json::json!([3]));
+    let refused = hush(&shot, &["denoise", "nowhere", "-o", "out", "--json"]);
+    assert_eq!(refused.status.code(), Some(1));
+    let events = self::events(&out(&refused));
+    assert!(events.len() == 1 && events[0]["event"] == "error" && events[0]["frame"].is_null(), "{events:?}");
+}
+
+#[test]
+fn wrong_usage_is_exit_code_one() {
+    let shot = Shot::new(1..=2, Look::default());
+    for (args, expected) in [
+        (vec!["denoise", "shot"], "--output"),
+        (vec!["denoise", "shot", "-o", "shot"], "overwritten"),
+        (vec!["denoise", "shot", "-o", "out", "--lambda", "0.5"], "lambda"),
+        (vec!["denoise", "shot", "-o", "out", "--lambda", "-3"], "lambda"),
+        (vec!["denoise", "shot", "-o", "out", "--lambda", "nan"], "lambda"),
+        (vec!["denoise", "shot", "-o", "out", "--window", "4"], "window"),
+        (vec!["denoise", "shot", "-o", "out", "--frames", "7-3"], "backwards"),
+        (vec!["denoise", "shot", "-o", "out", "--frames", "50"], "1-2"),
+        (vec!["denoise", "shot", "-o", "out", "--memory", "lots"], "4G"),
+        (vec!["denoise", "shot", "-o", "out", "--threads", "0"], "threads"),
+        (vec!["denoise", "shot", "-o", "out", "--model", "nowhere.safetensors"], "nowhere.safetensors"),
+        (vec!["denoise", "shot", "-o", "out", "--layer", "Fog"], "Fog"),
+        (vec!["denoise", "shot", "-o", "out", "--aov", "Diffuse Direct"], "Diffuse Direct"),
+        (vec!["denoise", "nowhere", "-o", "out"], "nowhere"),
+        (vec!["inspect", "nowhere.exr"], "nowhere.exr"),
+        (vec!["eval", "nowhere", "shot"], "nowhere"),
+        (vec!["dance"], "dance"),
+        (vec![], "Usage"),
+    ] {
+        let output = hush(&shot, &args);
+        assert_eq!(output.status.code(), Some(1), "{args:?}: {}", err(&output));
+        assert!(err(&output).contains(expected), "{args:?}: {}", err(&output));
+        assert!(!shot.out().exists(), "{args:?}");
+    }
+}
+
+#[test]
+fn help_and_version_are_good() {
+    let shot = Shot::new([], Look::default());
+    let help = hush(&shot, &["denoise", "--help"]);
+    assert!(help.status.success() && out(&help).contains("Exit codes") && out(&help).contains("130"));
+    let version = hush(&shot, &["--version"]);
+    assert_eq!(out(&version).trim(), format!("hush {}", env!("CARGO_PKG_VERSION")));
+}
+
+#[test]
+fn a_dry_run_tells_and_writes_nothing() {
+    let shot = Shot::new(1..=3, Look::default());
+    let output = hush(&shot, &["denoise", "shot", "-o", "out", "--dry-run", "--frames", "2"]);
+    assert!(output.status.success() && out(&output).contains("frame 2: denoise with -1 +1"), "{}", out(&output));
+    assert!(!shot.out().exists());
+    let json = hush(&shot, &["denoise", "shot", "-o", "out", "--dry-run", "--json"]);
+    let plan: Value = serde_json::from_slice(&json.stdout).unwrap();
+    assert_eq!(plan["frames"][0]["action"], "denoise");
+    assert_eq!(plan["frames"][0]["neighbours"], serde_json::json!([2, 3]));
+}
+
+#[test]
+fn inspect_and_eval_answer() {
+    let shot = Shot::new(1..=2, Look::default());
+    let text = hush(&shot, &["inspect", "shot/f_0001.exr"]);
+    assert!(text.status.success() && out(&text).contains("Combined"), "{}", out(&text));
+    let json = hush(&shot, &["inspect", "shot/f_0001.exr", "shot/f_0002.exr", "--json"]);
+    assert_eq!(events(&out(&json)).len(), 2);
+    let mixed = hush(&shot, &["inspect", "shot/f_0001.exr", "nowhere.exr"]);
+    assert_eq!(mixed.status.code(), Some(2));
+    let same = hush(&shot, &["eval", "shot", "shot", "--json"]);
+    let report: Value = serde_json::from_slice(&same.stdout).unwrap();
+    assert_eq!(report["mean"]["smape"], 0.0);
+}
+
+/// A long run that has begun its work.
+#[cfg(unix)]
+fn begun(shot: &Shot) -> (Child, impl Iterator<Item = String> + use<>) {
+    let mut child = command(shot, &["denoise", "shot", "-o", "out", "--json"]).stdout(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines().map(Result::unwrap);
+    let third = |line: &String| line.contains(r#""working""#) && line.contains(r#""frame":3"#);
+    assert!(lines.any(|line| third(&line)), "the run ended early");
+    (child, lines)
+}
+
+#[cfg(unix)]
+fn signal(child: &Child, signal: &str) {
+    assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
+}
+
+#[cfg(unix)]
+#[test]
+fn a_signal_lets_the_frame_in_hand_be_finished() {
+    let shot = Shot::new(1..=60, Look { columns: 160, rows: 90, ..Look::default() });
+    for which in ["-INT", "-TERM"] {
+        let (mut child, lines) = begun(&shot);
+        signal(&child, which);
+        let last: Value = serde_json::from_str(&lines.last().unwrap()).unwrap();
+        assert_eq!(child.wait().unwrap().code(), Some(130), "{last}");
+        assert_eq!((&last["event"], &last["interrupted"]), (&"done".into(), &true.into()));
+        assert_eq!(shot.written().len(), last["written"].as_u64().unwrap() as usize);
+        for file in shot.written() {
+            hush::io::is_complete(&shot.out().join(file)).unwrap();
+        }
+        std::fs::remove_dir_all(shot.out()).unwrap();
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_killed_run_is_continued() {
+    let shot = Shot::new(1..=40, Look { columns: 160, rows: 90, ..Look::default() });
+    let (mut child, lines) = begun(&shot);
+    signal(&child, "-KILL");
+    drop(lines);
+    child.wait().unwrap();
+    for file in shot.written().iter().filter(|f| !f.ends_with(".part")) {
+        hush::io::is_complete(&shot.out().join(file)).unwrap();
+    }
+    let rest = hush(&shot, &["denoise", "shot", "-o", "out", "--quiet"]);
+    assert_eq!((rest.status.code(), err(&rest).as_str()), (Some(0), ""));
+    let files: Vec<_> = shot.written().into_iter().filter(|f| !f.ends_with(".part")).collect();
+    assert_eq!(files, (1..=40).map(name).collect::<Vec<_>>());
+}

@@ -1,0 +1,224 @@
+//! The runner over files: every frame is written, bad ones are gone around, wrong jobs are refused.
+
+mod common;
+
+use std::fs;
+
+use common::{Look, Shot, name, write_frame};
+use exr::prelude::Compression;
+use hush::shot::{Job, Status};
+
+#[test]
+fn every_frame_is_written_the_first_and_the_last_included() {
+    let shot = Shot::new(1..=6, Look::default());
+    let outcome = shot.run(&shot.job());
+    assert!(outcome.summary().is_complete());
+    assert_eq!(outcome.log.with(Status::Denoised), [1, 2, 3, 4, 5, 6]);
+    assert_eq!(outcome.log.neighbours(1), [2, 3]);
+    assert_eq!(outcome.log.neighbours(3), [1, 2, 4, 5]);
+    assert_eq!(outcome.log.neighbours(6), [4, 5]);
+    assert_eq!(shot.written(), (1..=6).map(name).collect::<Vec<_>>());
+    assert_eq!((outcome.log.warnings.len(), outcome.log.errors.len(), outcome.log.done), (0, 0, 1), "{:?}", outcome.log);
+    for number in 1..=6 {
+        hush::io::is_complete(&shot.output(number)).unwrap();
+    }
+    let manifest = shot.manifest();
+    let entry = &manifest.frames[&name(1)];
+    assert_eq!((entry.status, entry.neighbours.len()), (Status::Denoised, 4));
+    assert_eq!(entry.neighbours[0].reason, Some(hush::plan::window::Unused::EndOfShot));
+    assert!(entry.source.is_absolute());
+    assert_eq!(manifest.settings[&entry.settings].window, 2);
+}
+
+#[test]
+fn a_single_frame_and_a_lone_file_work() {
+    let shot = Shot::new([7], Look::default());
+    assert!(shot.run(&shot.job()).summary().is_complete());
+    assert_eq!(shot.written(), [name(7)]);
+    let still = shot.dir.path().join("still.exr");
+    write_frame(&still, 0, Look::default());
+    let job = Job::new(hush::io::sequence::Sequence::find(&[still]).unwrap(), shot.dir.path().join("stills"));
+    assert!(shot.run(&job).summary().is_complete());
+    assert!(job.output.join("still.exr").is_file());
+}
+
+#[test]
+fn frames_limit_what_is_written_but_not_what_helps() {
+    let shot = Shot::new(1..=9, Look::default());
+    let job = Job { frames: Some("4-5,9".parse().unwrap()), ..shot.job() };
+    let outcome = shot.run(&job);
+    assert!(outcome.summary().is_complete());
+    assert_eq!(shot.written(), [name(4), name(5), name(9)]);
+    assert_eq!(outcome.log.neighbours(4), [2, 3, 5, 6]);
+    assert_eq!(outcome.log.neighbours(9), [7, 8]);
+}
+
+#[test]
+fn frames_asked_for_that_are_missing_show_in_the_summary() {
+    let shot = Shot::new([1, 2, 4], Look::default());
+    let outcome = shot.run(&Job { frames: Some("1-5".parse().unwrap()), ..shot.job() });
+    assert_eq!(outcome.summary().missing, "3,5");
+    assert!(!outcome.summary().is_complete());
+    assert_eq!(outcome.log.kinds(), ["missing_frames"]);
+    let none = shot.run(&Job { frames: Some("50-60".parse().unwrap()), ..shot.job() });
+    assert!(none.error().contains("1-2,4"), "{}", none.error());
+}
+
+#[test]
+fn a_gap_is_told_and_gone_around() {
+    let shot = Shot::new([1, 2, 4, 5], Look::default());
+    let outcome = shot.run(&shot.job());
+    assert!(outcome.summary().is_complete());
+    assert_eq!(outcome.log.kinds(), ["missing_frames"]);
+    assert_eq!(outcome.log.neighbours(2), [1]);
+    assert_eq!(outcome.log.neighbours(4), [5]);
+    let strict = shot.run(&Job { strict: true, overwrite: true, ..shot.job() });
+    assert!(strict.error().contains("missing frames 3"), "{}", strict.error());
+}
+
+#[test]
+fn a_bad_frame_does_not_stop_the_shot() {
+    for header_too in [false, true] {
+        let shot = Shot::new(1..=6, Look::default());
+        match header_too {
+            true => fs::write(shot.input(3), b"not an image").unwrap(),
+            false => shot.truncate(3),
+        }
+        let outcome = shot.run(&shot.job());
+        let summary = outcome.summary();
+        assert_eq!((summary.written, summary.failed.as_slice()), (5, [3].as_slice()), "{:?}", outcome.log);
+        assert_eq!(summary.degraded, [1, 2, 4, 5]);
+        assert!(!summary.is_complete());
+        assert_eq!(outcome.log.neighbours(2), [1]);
+        assert_eq!(outcome.log.neighbours(6), [4, 5]);
+        assert_eq!(outcome.log.errors.iter().filter(|e| e.0 == Some(3)).count(), 1);
+        assert_eq!(shot.written(), [1, 2, 4, 5, 6].map(name));
+        let entry = &shot.manifest().frames[&name(3)];
+        assert!(entry.status == Status::Failed && entry.reason.as_ref().is_some_and(|r| r.contains("f_0003.exr")), "{entry:?}");
+        // What was done without it is not done again, and still said.
+        let again = shot.run(&shot.job());
+        assert_eq!(again.log.with(Status::Skipped), [1, 2, 4, 5, 6]);
+        assert_eq!(again.summary().degraded, [1, 2, 4, 5]);
+        // Once it is there, it and the frames around it are.
+        write_frame(&shot.input(3), 3, Look::default());
+        let healed = shot.run(&shot.job());
+        assert!(healed.summary().is_complete());
+        assert_eq!(healed.log.with(Status::Denoised), [1, 2, 3, 4, 5]);
+    }
+}
+
+#[test]
+fn strict_stops_at_the_first_bad_frame() {
+    let shot = Shot::new(1..=8, Look::default());
+    shot.truncate(5);
+    let outcome = shot.run(&Job { strict: true, ..shot.job() });
+    assert!(outcome.summary().stopped.as_ref().is_some_and(|e| e.to_string().contains("f_0005.exr")), "{:?}", outcome.log);
+    assert_eq!(shot.written(), [1, 2].map(name));
+    fs::write(shot.input(5), b"").unwrap();
+    assert!(shot.run(&Job { strict: true, ..shot.job() }).error().contains("f_0005.exr"));
+}
+
+#[test]
+fn all_frames_bad_is_an_error() {
+    let shot = Shot::new(1..=2, Look::default());
+    (1..=2).for_each(|n| fs::write(shot.input(n), b"x").unwrap());
+    assert!(shot.run(&shot.job()).error().contains("f_0001.exr"));
+    assert!(!shot.out().exists());
+}
+
+#[test]
+fn without_vectors_the_window_falls_back_or_is_refused() {
+    let shot = Shot::new(1..=3, Look { vector: None, ..Look::default() });
+    let refused = shot.run(&Job { window: Some(1), ..shot.job() });
+    assert!(refused.error().contains("no Vector pass") && refused.error().contains("--window 0"), "{}", refused.error());
+    assert!(!shot.out().exists());
+    let outcome = shot.run(&shot.job());
+    assert!(outcome.summary().is_complete());
+    assert_eq!(outcome.log.kinds(), ["no_vector"]);
+    assert!(outcome.log.neighbours(2).is_empty());
+    let asked = shot.run(&Job { window: Some(0), overwrite: true, ..shot.job() });
+    assert_eq!(asked.log.kinds(), Vec::<&str>::new());
+    let mut contradiction = Job { window: Some(2), ..shot.job() };
+    contradiction.selection.guides.vector = false;
+    assert!(shot.run(&contradiction).error().contains("window"));
+}
+
+#[test]
+fn one_frame_without_vectors_is_named() {
+    let shot = Shot::new(1..=5, Look::default());
+    write_frame(&shot.input(3), 3, Look { vector: None, ..Look::default() });
+    let outcome = shot.run(&shot.job());
+    assert!(outcome.log.warnings[0].1.starts_with("frame 3 has no Vector pass"), "{:?}", outcome.log);
+    assert!(outcome.log.neighbours(3).is_empty());
+    assert_eq!(outcome.log.neighbours(2), [1, 3]);
+}
+
+#[test]
+fn another_resolution_is_told_and_not_mixed() {
+    let shot = Shot::new(1..=4, Look::default());
+    write_frame(&shot.input(4), 4, Look { columns: 10, rows: 6, ..Look::default() });
+    let outcome = shot.run(&shot.job());
+    assert!(outcome.summary().is_complete());
+    assert_eq!(outcome.log.kinds(), ["resolution"]);
+    assert_eq!(outcome.log.neighbours(3), [1, 2]);
+    assert!(outcome.log.neighbours(4).is_empty());
+    assert!(shot.run(&Job { strict: true, overwrite: true, ..shot.job() }).error().contains("resolution"));
+}
+
+#[test]
+fn the_render_settings_to_change_are_named() {
+    let repeated = Shot::new(1..=4, Look { seed: Some(5), ..Look::default() });
+    let outcome = repeated.run(&repeated.job());
+    assert_eq!(outcome.log.kinds(), ["repeated_noise"]);
+    assert!(outcome.log.warnings[0].1.contains("frames 1 and 2") && outcome.log.warnings[0].1.contains("Seed"));
+    assert_eq!(repeated.manifest().frames[&name(3)].warnings, ["the same noise as in frame 2"]);
+
+    let blurred = Shot::new(1..=4, Look { vector: Some(0.0), ..Look::default() });
+    let outcome = blurred.run(&blurred.job());
+    assert_eq!(outcome.log.kinds(), ["zero_vector"]);
+
+    let noisy = Shot::new(1..=2, Look { noisy_image: true, ..Look::default() });
+    assert_eq!(noisy.run(&noisy.job()).log.kinds(), ["noisy_image"]);
+
+    let lossy = Shot::new(1..=2, Look { compression: Compression::B44, ..Look::default() });
+    let log = lossy.run(&lossy.job()).log;
+    assert!(!log.warnings.is_empty() && log.warnings.iter().all(|w| w.0 == "note" && w.1.contains("lossy")), "{log:?}");
+}
+
+#[test]
+fn the_originals_are_safe() {
+    let shot = Shot::new(1..=2, Look::default());
+    let before = fs::read(shot.input(1)).unwrap();
+    for output in [shot.folder(), shot.folder().join("."), shot.folder().join("../shot")] {
+        let refused = shot.run(&Job { output, overwrite: true, ..shot.job() });
+        assert!(refused.error().contains("overwritten"), "{}", refused.error());
+    }
+    let inside = Job { output: shot.folder().join("denoised"), ..shot.job() };
+    assert!(shot.run(&inside).summary().is_complete());
+    assert_eq!(hush::io::sequence::Sequence::find(&[shot.folder()]).unwrap().numbers(), [1, 2]);
+    assert_eq!(fs::read(shot.input(1)).unwrap(), before);
+}
+
+#[test]
+fn an_output_that_cannot_be_written_is_refused() {
+    let shot = Shot::new(1..=2, Look::default());
+    fs::write(shot.out(), b"a file").unwrap();
+    assert!(shot.run(&shot.job()).error().contains("is a file"));
+    let below = Job { output: shot.out().join("deeper"), ..shot.job() };
+    assert!(shot.run(&below).summary.is_err());
+    assert_eq!(fs::read(shot.out()).unwrap(), b"a file");
+}
+
+#[test]
+fn an_output_that_vanishes_ends_the_run_with_a_reason() {
+    let shot = Shot::new(1..=9, Look::default());
+    let outcome = shot.run_until(&shot.job(), &Default::default(), |event| {
+        if matches!(event, hush::shot::Event::Working { frame: 3 }) {
+            fs::remove_dir_all(shot.out()).unwrap();
+            fs::write(shot.out(), b"in the way").unwrap();
+        }
+    });
+    let summary = outcome.summary();
+    assert!(summary.stopped.is_some() && !summary.is_complete(), "{:?}", outcome.log);
+    assert!(summary.failed.len() < 4, "further frames were attempted: {:?}", outcome.log);
+}

@@ -1,0 +1,150 @@
+//! Running again: what is good stays, what is not is made again, and nothing is ever half there.
+
+mod common;
+
+use std::fs;
+use std::time::SystemTime;
+
+use common::{Look, Shot, name, write_frame};
+use hush::shot::{CancelToken, Event, Job, MANIFEST, ModelId, Status};
+
+fn modified(shot: &Shot, number: i64) -> SystemTime {
+    fs::metadata(shot.output(number)).unwrap().modified().unwrap()
+}
+
+#[test]
+fn a_second_run_does_nothing() {
+    let shot = Shot::new(1..=4, Look::default());
+    shot.run(&shot.job());
+    let before = modified(&shot, 2);
+    let again = shot.run(&shot.job());
+    assert!(again.summary().is_complete());
+    assert_eq!(again.log.with(Status::Skipped), [1, 2, 3, 4]);
+    assert_eq!(modified(&shot, 2), before);
+    let entry = &shot.manifest().frames[&name(2)];
+    assert_eq!(entry.status, Status::Skipped);
+    assert_eq!(entry.neighbours.iter().filter(|n| n.used).count(), 3, "what was done before is kept");
+    let forced = shot.run(&Job { overwrite: true, ..shot.job() });
+    assert_eq!(forced.log.with(Status::Denoised), [1, 2, 3, 4]);
+    assert_ne!(modified(&shot, 2), before);
+}
+
+#[test]
+fn other_settings_make_the_frames_again_and_say_so() {
+    let shot = Shot::new(1..=3, Look::default());
+    shot.run(&shot.job());
+    let changed = [
+        (Job { lambda: 4.0, ..shot.job() }, "lambda 1 → 4"),
+        (Job { window: Some(1), ..shot.job() }, "lambda 4 → 1, window 2 → 1"),
+        (Job { keep_noisy: true, ..shot.job() }, "window 1 → 2, keep noisy false → true"),
+        (Job { model: ModelId { name: "b".into(), hash: Some("1".into()) }, ..shot.job() }, "model embedded → b (1)"),
+    ];
+    for (job, expected) in changed {
+        let outcome = shot.run(&job);
+        assert_eq!(outcome.log.with(Status::Denoised), [1, 2, 3], "{expected}");
+        let (kind, text) = &outcome.log.warnings[0];
+        assert!(kind == "redone" && text.contains("1-3") && text.contains(expected), "{text}");
+        assert_eq!(shot.run(&job).log.with(Status::Skipped), [1, 2, 3], "{expected}");
+    }
+    assert_eq!(shot.manifest().settings.len(), 1, "settings that no frame has are forgotten");
+}
+
+#[test]
+fn a_changed_frame_is_made_again_with_those_around_it() {
+    let shot = Shot::new(1..=8, Look::default());
+    shot.run(&shot.job());
+    shot.touch(3);
+    let outcome = shot.run(&shot.job());
+    assert_eq!(outcome.log.with(Status::Denoised), [1, 2, 3, 4, 5]);
+    assert_eq!(outcome.log.with(Status::Skipped), [6, 7, 8]);
+    write_frame(&shot.input(9), 9, Look::default());
+    assert_eq!(shot.run(&shot.job()).log.with(Status::Denoised), [7, 8, 9], "new frames help the last ones");
+}
+
+#[test]
+fn a_damaged_output_is_made_again() {
+    let shot = Shot::new(1..=3, Look::default());
+    shot.run(&shot.job());
+    let whole = fs::read(shot.output(2)).unwrap();
+    fs::write(shot.output(2), &whole[..whole.len() / 2]).unwrap();
+    fs::remove_file(shot.output(3)).unwrap();
+    let outcome = shot.run(&shot.job());
+    assert_eq!(outcome.log.with(Status::Denoised), [2, 3]);
+    assert_eq!(fs::read(shot.output(2)).unwrap(), whole);
+}
+
+#[test]
+fn files_of_others_are_left_alone() {
+    let shot = Shot::new(1..=2, Look::default());
+    fs::create_dir(shot.out()).unwrap();
+    fs::write(shot.output(2), b"precious").unwrap();
+    let refused = shot.run(&shot.job());
+    assert!(refused.error().contains("f_0002.exr") && refused.error().contains("--overwrite"), "{}", refused.error());
+    assert_eq!(fs::read(shot.output(2)).unwrap(), b"precious");
+    assert_eq!(shot.written(), [name(2)]);
+    assert!(shot.run(&Job { overwrite: true, ..shot.job() }).summary().is_complete());
+}
+
+#[test]
+fn a_damaged_manifest_is_told() {
+    let shot = Shot::new(1..=2, Look::default());
+    shot.run(&shot.job());
+    fs::write(shot.out().join(MANIFEST), b"{ half").unwrap();
+    assert!(shot.run(&shot.job()).error().contains("f_0001.exr"), "the outputs are of unknown origin now");
+    let outcome = shot.run(&Job { overwrite: true, ..shot.job() });
+    assert!(outcome.log.kinds().contains(&"manifest"));
+    assert_eq!(shot.run(&shot.job()).log.with(Status::Skipped), [1, 2]);
+}
+
+#[test]
+fn two_ranges_share_a_folder_and_its_manifest() {
+    let shot = Shot::new(1..=6, Look::default());
+    let part = |frames: &str| Job { frames: Some(frames.parse().unwrap()), ..shot.job() };
+    std::thread::scope(|scope| {
+        for frames in ["1-3", "4-6"] {
+            let job = part(frames);
+            scope.spawn(|| {
+                let job = job;
+                hush::shot::run(&job, &shot.engine, &|_| {}, &CancelToken::new()).unwrap()
+            });
+        }
+    });
+    assert_eq!(shot.manifest().frames.len(), 6);
+    assert_eq!(shot.run(&shot.job()).log.with(Status::Skipped), [1, 2, 3, 4, 5, 6]);
+}
+
+#[test]
+fn an_interrupted_run_leaves_whole_files_and_goes_on() {
+    for stop_at in 1..=5 {
+        let shot = Shot::new(1..=5, Look::default());
+        let cancel = CancelToken::new();
+        let outcome = shot.run_until(&shot.job(), &cancel, |event| {
+            if matches!(event, Event::Working { frame } if *frame == stop_at) {
+                cancel.cancel();
+            }
+        });
+        let summary = outcome.summary();
+        // The frame in hand is finished; in the last one nothing is left to interrupt.
+        assert_eq!((summary.written as i64, summary.interrupted), (stop_at, stop_at < 5), "{:?}", outcome.log);
+        assert_eq!(shot.written(), (1..=stop_at).map(name).collect::<Vec<_>>());
+        for number in 1..=stop_at {
+            hush::io::is_complete(&shot.output(number)).unwrap();
+        }
+        assert_eq!(outcome.log.done, 1);
+        let rest = shot.run(&shot.job());
+        assert!(rest.summary().is_complete());
+        assert_eq!(rest.log.with(Status::Skipped), (1..=stop_at).collect::<Vec<_>>());
+        assert_eq!(rest.log.with(Status::Denoised), (stop_at + 1..=5).collect::<Vec<_>>());
+    }
+}
+
+#[test]
+fn cancelled_before_the_start_writes_nothing() {
+    let shot = Shot::new(1..=3, Look::default());
+    let cancel = CancelToken::new();
+    cancel.cancel();
+    let outcome = shot.run_until(&shot.job(), &cancel, |_| {});
+    assert!(outcome.summary().interrupted);
+    assert_eq!(shot.written(), Vec::<String>::new());
+    assert!(shot.manifest().frames.values().all(|e| e.status == Status::Planned));
+}

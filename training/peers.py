@@ -1,0 +1,101 @@
+"""Measures Open Image Denoise on the validation shots: SMAPE and relMSE of the middle frame, next to the noisy input's.
+
+    python peers.py --shots ../../shared/data/shots > peers.json
+
+Two rows a shot: `oidn_high` takes colour, albedo and normal as rendered; `oidn_clean_aux` first filters the albedo and the
+normal, each by itself, and says so with cleanAux. Scores are computed as `train.py: validate` does. A markdown table goes to
+stderr, the numbers of every shot go to stdout as JSON. Needs pyoidn.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import pyoidn
+import torch
+from data import CENTRE, Shot, prepare, read_split
+from loss import smape
+from numpy.typing import NDArray
+from torch import Tensor
+
+Image = NDArray[np.float32]
+METHODS = ("noisy", "oidn_high", "oidn_clean_aux")
+
+
+def rel_mse(denoised: Tensor, reference: Tensor) -> Tensor:
+    """Relative squared error by pixel and channel, (d − r)² / (r² + 0.01)."""
+    return (denoised - reference) ** 2 / (reference**2 + 1e-2)
+
+
+def run_filter(device: pyoidn.Device, images: dict[str, Image], hdr: bool, clean_aux: bool) -> Image:
+    """One run of the RT filter at high quality; images by OIDN's names, (rows, columns, 3)."""
+    out = np.zeros_like(next(iter(images.values())))
+    with pyoidn.Filter(device, pyoidn.OIDN_FILTER_TYPE_RT) as f:
+        for name, image in images.items():
+            f.set_image(name, image, pyoidn.OIDN_FORMAT_FLOAT3)
+        f.set_image(pyoidn.OIDN_IMAGE_OUTPUT, out, pyoidn.OIDN_FORMAT_FLOAT3)
+        f.set_bool("hdr", hdr)
+        f.set_bool("cleanAux", clean_aux)
+        f.set_quality(pyoidn.OIDN_QUALITY_HIGH)
+        f.commit()
+        f.execute()
+        problem = device.get_error()
+    if problem is not None:
+        raise SystemExit(f"OIDN failed: {problem}")
+    return out
+
+
+def interleaved(planes: Tensor) -> Image:
+    """(3, H, W) as (H, W, 3), which OIDN takes."""
+    return np.ascontiguousarray(planes.permute(1, 2, 0).numpy(), dtype=np.float32)
+
+
+def denoised(device: pyoidn.Device, shot: Shot) -> dict[str, Tensor]:
+    """The middle frame of a shot by every method, (3, H, W)."""
+    colour = interleaved(shot.colour[CENTRE].clamp_min(0))
+    albedo = interleaved(shot.albedo[CENTRE].clamp(0, 1))
+    normal = interleaved(shot.normal[CENTRE])
+    high = run_filter(device, {"color": colour, "albedo": albedo, "normal": normal}, True, False)
+    clean_albedo = run_filter(device, {"albedo": albedo}, False, False)
+    clean_normal = run_filter(device, {"normal": normal}, False, False)
+    clean = run_filter(device, {"color": colour, "albedo": clean_albedo, "normal": clean_normal}, True, True)
+    return {name: torch.from_numpy(x).permute(2, 0, 1) for name, x in zip(METHODS, (colour, high, clean), strict=True)}
+
+
+def main() -> None:
+    p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p.add_argument("--shots", type=Path, required=True, help="folder of NNNNNN.npz; seeds divisible by 8 are measured")
+    p.add_argument("--threads", type=int, default=1)
+    a = p.parse_args()
+    torch.set_num_threads(a.threads)
+    _, held = read_split(a.shots)
+    if not held:
+        raise SystemExit(f"{a.shots}: no shot whose seed is divisible by 8")
+    scores: list[dict[str, dict[str, float]]] = []
+    with pyoidn.Device() as device:
+        device.set_int("numThreads", a.threads)
+        device.set_bool("setAffinity", False)
+        device.commit()
+        for shot in held:
+            target = prepare(shot, ())
+            reference = target["reference"] * target["gain"]
+            row: dict[str, dict[str, float]] = {}
+            for name, image in denoised(device, shot).items():
+                scaled = image * target["gain"]
+                row[name] = {"smape": float(smape(scaled, reference).mean()), "rel_mse": float(rel_mse(scaled, reference).mean())}
+            scores.append(row)
+    mean = {m: {k: float(np.mean([s[m][k] for s in scores])) for k in ("smape", "rel_mse")} for m in METHODS}
+    print(f"| {len(scores)} shots | noisy | OIDN high | OIDN clean_aux |\n|---|---|---|---|", file=sys.stderr)
+    for key, title in (("smape", "SMAPE"), ("rel_mse", "relMSE")):
+        print(f"| {title} | " + " | ".join(f"{mean[m][key]:.4f}" for m in METHODS) + " |", file=sys.stderr)
+    shots = [{"seed": shot.seed, "spp": shot.spp, **row} for shot, row in zip(held, scores, strict=True)]
+    print(json.dumps({"pyoidn": version("pyoidn"), "mean": mean, "shots": shots}, indent=1))
+
+
+if __name__ == "__main__":
+    main()
