@@ -1,0 +1,75 @@
+"""Makes the picture pair of the README: a crop of one frame, noisy, denoised by Hush, and the reference, side by side.
+
+    pip install numpy OpenEXR pillow
+    python samples/pictures.py denoised
+
+The argument is the folder with Hush's frames; the picture goes to docs/before-after.png.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+from PIL import Image, ImageDraw, ImageFont
+
+HERE = Path(__file__).resolve().parent
+GAP, BAND = 6, 26  # pixels between the crops, and of the band with their names
+
+
+def combined(path: Path) -> np.ndarray:
+    """The beauty of a frame, (height, width, 3), linear."""
+    planes = {}
+    for part in OpenEXR.File(str(path), separate_channels=True).parts:
+        for name, channel in part.channels.items():
+            layer, _, component = name.rpartition(".")
+            if layer == "Combined" or layer.endswith(".Combined"):
+                planes[component] = channel.pixels
+    if not {"R", "G", "B"} <= planes.keys():
+        raise SystemExit(f"{path}: no Combined")
+    return np.stack([planes[c] for c in "RGB"], -1).astype(np.float32)
+
+
+def displayed(linear: np.ndarray, exposure: float) -> np.ndarray:
+    """Filmic tone curve (Narkowicz's fit of ACES) and sRGB, as bytes."""
+    x = np.clip(np.nan_to_num(linear, posinf=65504.0), 0, None) * 2.0**exposure
+    x = np.clip(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), 0, 1)
+    x = np.where(x < 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
+    return np.round(x * 255).astype(np.uint8)
+
+
+def picture(frames: list[tuple[str, np.ndarray]], box: tuple[int, int, int, int], zoom: int, exposure: float) -> Image.Image:
+    """The crops of all frames in a row, enlarged without smoothing, each under its name."""
+    x, y, width, height = box
+    sheet = Image.new("RGB", (len(frames) * (width * zoom + GAP) - GAP, height * zoom + BAND), (255, 255, 255))
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(15)
+    for i, (name, linear) in enumerate(frames):
+        crop = Image.fromarray(displayed(linear[y : y + height, x : x + width], exposure))
+        left = i * (width * zoom + GAP)
+        sheet.paste(crop.resize((width * zoom, height * zoom), Image.Resampling.NEAREST), (left, BAND))
+        draw.text((left + width * zoom / 2, BAND / 2), name, fill=(40, 40, 40), font=font, anchor="mm")
+    return sheet
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("denoised", type=Path, help="folder with Hush's frames")
+    parser.add_argument("--frame", type=int, default=4)
+    parser.add_argument("--crop", type=int, nargs=4, default=[158, 40, 150, 200], metavar=("X", "Y", "WIDTH", "HEIGHT"))
+    parser.add_argument("--zoom", type=int, default=2)
+    parser.add_argument("--exposure", type=float, default=0.3, help="stops")
+    parser.add_argument("--output", type=Path, default=HERE.parent / "docs" / "before-after.png")
+    chosen = parser.parse_args()
+    name = f"frame_{chosen.frame:04d}.exr"
+    folders = [("Cycles, 12 samples", HERE / "shot"), ("Hush", chosen.denoised), ("reference, 200 samples", HERE / "reference")]
+    frames = [(title, combined(folder / name)) for title, folder in folders]
+    chosen.output.parent.mkdir(parents=True, exist_ok=True)
+    sheet = picture(frames, tuple(chosen.crop), chosen.zoom, chosen.exposure)
+    sheet.save(chosen.output, optimize=True)
+    print(f"{chosen.output}: {sheet.width}×{sheet.height}, {chosen.output.stat().st_size // 1024} KB")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,134 @@
+"""Renders random training shots with Cycles: OUT/SEED.npz, five noisy frames and a reference for the middle one.
+
+    python render_shots.py shots --first 0 --count 200 --assets assets
+
+Wants bpy 4.5 or 5 from PyPI, numpy and OpenEXR. The assets are the CC0 HDRIs, models and normal maps of the npm package
+@pmndrs/assets, base64 in .js files: `python fetch_assets.py assets` fetches and decodes them. Without them it works too, but
+a seed then gives another shot. Seeds divisible by 8 are the validation split. What is already there is skipped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import bpy
+import numpy as np
+import OpenEXR
+import scenes
+from shot_assets import Assets, found
+
+FRAMES = 5
+LAYERS = {"color": ("Combined", "RGB"), "albedo": ("Denoising Albedo", "RGB"), "normal": ("Denoising Normal", "XYZ")} | {
+    "depth": ("Denoising Depth", "Z"),
+    "vector": ("Vector", "XYZW"),
+}
+Passes = dict[str, np.ndarray]
+
+
+def read(path: Path) -> Passes:
+    """The passes of a multilayer EXR, (height, width, channels)."""
+    channels = {}
+    for part in OpenEXR.File(str(path), separate_channels=True).parts:
+        for name, channel in part.channels.items():
+            channels[name.split(".", 1)[1]] = channel.pixels
+    return {name: np.stack([channels[f"{layer}.{c}"] for c in parts], -1) for name, (layer, parts) in LAYERS.items()}
+
+
+def render(scratch: Path, frame: int, samples: int, seed: int, adaptive: float = 0.0, least: int = 0, limit: float = 0.0) -> Passes:
+    """One frame; `adaptive` is the noise threshold (0: off), `least` its minimum of samples, `limit` in seconds (0: none)."""
+    scene = bpy.context.scene
+    cycles = scene.cycles
+    scene.frame_set(frame)
+    cycles.samples, cycles.seed, cycles.time_limit = samples, seed, limit
+    cycles.use_adaptive_sampling = adaptive > 0
+    if adaptive > 0:
+        cycles.adaptive_threshold, cycles.adaptive_min_samples = adaptive, least
+    scene.update_tag()  # a new seed alone does not reach persistent data
+    bpy.context.view_layer.update()
+    scene.render.filepath = str(scratch)
+    bpy.ops.render.render(write_still=True)
+    return read(scratch)
+
+
+def dull(probe: Passes) -> str:
+    """Why a shot is not worth rendering, from a few samples; empty if it is."""
+    brightness = probe["color"].mean(-1)
+    mean, covered = float(brightness.mean()), float((probe["depth"] > 0).mean())
+    if not 1e-3 <= mean <= 200:
+        return f"mean brightness {mean:.4f}"
+    if brightness.std() / (mean + 1e-6) < 0.08:
+        return "flat"
+    return f"only {covered:.2f} covered" if covered < 0.25 else ""
+
+
+def half(a: np.ndarray) -> np.ndarray:
+    return np.clip(np.nan_to_num(a, posinf=65000, neginf=-65000), -65000, 65000).astype(np.float16)
+
+
+def unit(a: np.ndarray) -> np.ndarray:
+    return np.round(np.clip(a, 0, 1) * 255).astype(np.uint8)
+
+
+def shot(seed: int, size: int, threads: int, scratch: Path, assets: Assets, target: Path) -> str:
+    """Builds, renders and saves one shot; a line about it."""
+    began = time.perf_counter()
+    r: random.Random
+    r, kind, motion = scenes.build(seed, assets)
+    scene = bpy.context.scene
+    scene.render.resolution_x = scene.render.resolution_y = size
+    scene.render.resolution_percentage = 100
+    if threads:
+        scene.render.threads_mode, scene.render.threads = "FIXED", threads
+    samples = round(2 ** r.uniform(0.5, 5.7))
+    adaptive = 0.05 if r.random() < 0.2 else 0.0
+    if why := dull(render(scratch, scenes.MIDDLE, 4, 999)):
+        return f"{seed} skipped: {why}"
+    noisy = [render(scratch, scenes.MIDDLE + k, samples, r.randrange(1 << 30), adaptive) for k in range(-(FRAMES // 2), FRAMES // 2 + 1)]
+    halfway = time.perf_counter()
+    reference = render(scratch, scenes.MIDDLE, 448, r.randrange(1 << 30), 0.012, 96, 48.0)
+    done = time.perf_counter()
+    stacked = {name: np.stack([frame[name] for frame in noisy]) for name in LAYERS}
+    aside = target.with_suffix(".part.npz")
+    np.savez_compressed(
+        aside,
+        color=half(stacked["color"]),
+        albedo=unit(stacked["albedo"]),
+        normal=np.round(np.clip(stacked["normal"], -1, 1) * 127).astype(np.int8),
+        depth=half(stacked["depth"][..., 0]),
+        vector=half(stacked["vector"]),
+        ref=half(reference["color"]),
+        ref_albedo=unit(reference["albedo"]),
+        meta=json.dumps({"seed": seed, "kind": kind, "motion": motion, "spp": samples, "adaptive": adaptive}),
+    )
+    aside.replace(target)
+    return f"{seed} {kind} {motion}: {samples} spp, noisy {halfway - began:.1f} s, reference {done - halfway:.1f} s"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("output", type=Path, help="folder for the shots")
+    parser.add_argument("--first", type=int, default=0, help="first seed")
+    parser.add_argument("--count", type=int, default=1, help="how many seeds")
+    parser.add_argument("--size", type=int, default=128, help="width and height in pixels")
+    parser.add_argument("--assets", type=Path, default=Path("assets"), help="folder of fetch_assets.py")
+    parser.add_argument("--threads", type=int, default=0, help="threads for Cycles; 0: all")
+    chosen = parser.parse_args()
+    assets = found(chosen.assets)
+    if not assets.hdris:
+        print(f"no assets in {chosen.assets}: the shots will have neither HDRIs, models nor normal maps", file=sys.stderr)
+    chosen.output.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as scratch:
+        for seed in range(chosen.first, chosen.first + chosen.count):
+            target = chosen.output / f"{seed:06d}.npz"
+            if not target.exists():
+                print(shot(seed, chosen.size, chosen.threads, Path(scratch) / "frame.exr", assets, target), flush=True)
+
+
+if __name__ == "__main__":
+    main()
