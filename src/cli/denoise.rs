@@ -123,7 +123,7 @@ fn denoise_with(args: DenoiseArgs, mode: Mode, progress: &Progress) -> Result<Ex
         let built = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads)).build_global();
         built.map_err(|e| Error::BadSetting { name: "threads", reason: e.to_string() })?;
     }
-    let settings = Settings { memory };
+    let settings = Settings { memory, ..Settings::default() };
     let engine = match &model {
         Some(path) => Engine::from_file(path, settings)?,
         None => Engine::new(settings)?,

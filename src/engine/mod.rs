@@ -12,15 +12,12 @@ use crate::network::encoder::Encoder;
 use crate::network::levels::{Levels, Margins, kernel_reach, pyramid_of};
 use crate::network::pairs::Neighbour;
 use crate::network::predictor::Predictor;
-use crate::network::specialisation::LAMBDA_MAX;
 use crate::network::temporal::Temporal;
 use crate::network::warp::{EXTRAS, Warped, centre_planes, warp};
 use crate::network::weights::Weights;
 use crate::plan::tiles::{Tile, tiles};
+use crate::plan::window::{LAMBDA_RANGE, MAX_WINDOW};
 use crate::simd::{Activation, Isa};
-
-/// Neighbours up to this many frames away are used.
-pub const WINDOW_MAX: usize = 3;
 
 /// What one tile may take where nothing is said: a whole 1080p frame with a ±2 window, about.
 const TILE_MEMORY: u64 = 1 << 30;
@@ -67,7 +64,6 @@ pub struct Denoised {
 pub struct Engine {
     settings: Settings,
     isa: Isa,
-    model: (String, u64),
     encoder: Encoder,
     temporal: Temporal,
     body: Body,
@@ -94,7 +90,6 @@ impl Engine {
         Ok(Self {
             isa: settings.isa.unwrap_or_else(Isa::detect),
             settings,
-            model: (weights.name.clone(), weights.hash),
             encoder: Encoder::new(weights)?,
             temporal: Temporal::new(weights)?,
             body: Body::new(weights)?,
@@ -103,11 +98,6 @@ impl Engine {
             epsilon: a.albedo_epsilon,
             channels_per_pixel: 3 * a.half + a.quarter + a.eighth / 2,
         })
-    }
-
-    /// The weights' name and hash.
-    pub fn model(&self) -> (&str, u64) {
-        (&self.model.0, self.model.1)
     }
 
     /// Sanitises a frame and computes its features (source encoder). Done once a frame.
@@ -129,10 +119,11 @@ impl Engine {
     /// between, to chain motion vectors through, and is left out without them, as is one of another size or with other AOVs.
     /// `lambda` is in 1…64: greater is clamped, less or NaN refused.
     pub fn denoise(&self, centre: &EncodedFrame, neighbours: &[(i32, &EncodedFrame)], lambda: f32) -> Result<Denoised> {
-        if lambda.is_nan() || lambda < 1.0 {
-            return Err(Error::BadSetting { name: "lambda", reason: format!("{lambda} is not in 1…{LAMBDA_MAX}") });
+        let (least, most) = LAMBDA_RANGE;
+        if lambda.is_nan() || lambda < least {
+            return Err(Error::BadSetting { name: "lambda", reason: format!("{lambda} is not in {least}…{most}") });
         }
-        let lambda = lambda.min(LAMBDA_MAX);
+        let lambda = lambda.min(most);
         let paths = paths(centre, neighbours);
         let packed = &centre.packed;
         let (half_rows, half_columns) = (packed.padded_rows / 2, packed.padded_columns / 2);
@@ -232,7 +223,7 @@ fn paths<'a>(centre: &'a EncodedFrame, neighbours: &[(i32, &'a EncodedFrame)]) -
     };
     let at = |offset: i32| neighbours.iter().find(|(o, f)| *o == offset && fits(f)).map(|(_, f)| *f);
     let mut out = Vec::new();
-    for distance in 1..=WINDOW_MAX as i32 {
+    for distance in 1..=MAX_WINDOW as i32 {
         for sign in [-1, 1] {
             let path: Option<Vec<&EncodedFrame>> = (1..=distance).map(|d| at(sign * d)).collect();
             let Some(path) = path else { continue };

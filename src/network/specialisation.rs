@@ -4,10 +4,8 @@ use ndarray::{Array1, Array2, Array4, Axis};
 
 use super::weights::Weights;
 use crate::error::Result;
+use crate::plan::window::LAMBDA_RANGE;
 use crate::simd::Conv;
-
-/// The greatest λ that the network was trained for.
-pub const LAMBDA_MAX: f32 = 64.0;
 
 /// A 1×1 layer whose output λ scales and shifts; both fold into the layer's weights.
 pub struct Specialised {
@@ -34,7 +32,7 @@ impl Specialised {
 
     /// The layer for a λ in 1…64.
     pub fn at(&self, lambda: f32) -> Conv {
-        let code = lambda.log2() / LAMBDA_MAX.log2();
+        let code = lambda.log2() / LAMBDA_RANGE.1.log2();
         let hidden = (&self.hidden.0.index_axis(Axis(1), 0) * code + &self.hidden.1).mapv(|v| v.max(0.0));
         let scale = self.scale.0.dot(&hidden) + &self.scale.1 + 1.0;
         let shift = self.shift.0.dot(&hidden) + &self.shift.1;

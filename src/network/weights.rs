@@ -9,6 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 
+/// The weights file that this build carries.
+pub const EMBEDDED: &[u8] = include_bytes!("../../models/hush.safetensors");
 /// The header key under which the architecture stands, as JSON.
 const ARCHITECTURE_KEY: &str = "hush.architecture";
 /// The largest weights file that is read, in bytes.
@@ -86,8 +88,6 @@ impl Architecture {
 pub struct Weights {
     /// The file's name, or "embedded".
     pub name: String,
-    /// FNV-1a of the file's bytes, to tell models apart in the manifest.
-    pub hash: u64,
     pub architecture: Architecture,
     /// The rest of the header: training data, steps, validation numbers.
     pub record: HashMap<String, String>,
@@ -97,7 +97,7 @@ pub struct Weights {
 impl Weights {
     /// The weights that this build carries.
     pub fn embedded() -> Result<Self> {
-        Self::from_bytes("embedded", include_bytes!("../../models/hush.safetensors"))
+        Self::from_bytes("embedded", EMBEDDED)
     }
 
     /// Reads a weights file. Refuses, with the reason, whatever is not a sound Hush model.
@@ -134,8 +134,7 @@ impl Weights {
             let array = ArrayD::from_shape_vec(view.shape(), values).map_err(|e| refuse(format!("tensor {key}: {e}")))?;
             tensors.insert(key.to_string(), array);
         }
-        let hash = bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h: u64, b| (h ^ u64::from(*b)).wrapping_mul(0x0100_0000_01b3));
-        Ok(Self { name: name.into(), hash, architecture, record, tensors })
+        Ok(Self { name: name.into(), architecture, record, tensors })
     }
 
     fn take(&self, key: &str, shape: &[usize]) -> Result<ArrayD<f32>> {
@@ -184,8 +183,6 @@ fn bad(model: &str, reason: String) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    const EMBEDDED: &[u8] = include_bytes!("../../models/hush.safetensors");
 
     #[test]
     fn the_embedded_model_loads_and_says_how_it_was_trained() {

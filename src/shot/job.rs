@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Result};
 use crate::io::sequence::Sequence;
 use crate::io::{Guides, Selection};
+use crate::network::weights::EMBEDDED;
 use crate::plan::frames::FrameSet;
 use crate::plan::window::{check_lambda, check_window};
 
@@ -79,14 +80,14 @@ impl Job {
 pub struct ModelId {
     /// A file name, or `embedded`.
     pub name: String,
-    /// FNV-1a of the file's bytes (64 bits, hexadecimal); none for the embedded weights.
+    /// FNV-1a of the file's bytes (64 bits, hexadecimal).
     pub hash: Option<String>,
 }
 
 impl ModelId {
     /// The weights in this binary.
     pub fn embedded() -> Self {
-        Self { name: "embedded".into(), hash: None }
+        Self { name: "embedded".into(), hash: Some(fnv(EMBEDDED)) }
     }
 
     /// A weights file.
