@@ -2,7 +2,7 @@
 
     python -m venv bpy-venv && bpy-venv/bin/pip install bpy==5.0.1 OpenEXR==3.5.3     # needs Python 3.11
     bpy-venv/bin/python samples/render_shot.py shot                     # samples/shot/frame_0001.exr …, two minutes
-    bpy-venv/bin/python samples/render_shot.py reference                # samples/reference/frame_0001.exr …, 20 minutes
+    bpy-venv/bin/python samples/render_shot.py reference                # samples/reference/frame_0001.exr …, 20 minutes of CPU time
 
 Blender keeps Vector, Denoising Normal and Denoising Depth at 32 bit even in half-float files; here they are rounded after
 rendering to steps that carry no noise (see STEPS), still 32 bit, so that ZIP halves the files.
@@ -52,7 +52,7 @@ def noisy(scene: bpy.types.Scene, samples: int) -> None:
 def reference(scene: bpy.types.Scene, samples: int) -> None:
     cycles, layer = scene.cycles, scene.view_layers[0]
     cycles.samples, cycles.seed = samples, 70001
-    cycles.use_light_tree = False  # a fifth faster, and with two lights no noisier
+    cycles.use_light_tree = False  # a fifth cheaper a sample, though each is a little noisier
     cycles.use_adaptive_sampling, cycles.adaptive_threshold, cycles.adaptive_min_samples = True, 0.01, 64
     layer.cycles.denoising_store_passes = False
     layer.use_pass_vector = False
