@@ -42,17 +42,16 @@ fn store_columns<L: Lanes>(l: L, pixels: [L::V; 16], first: usize, part: usize, 
 /// [features + EXTRAS][32] of the neighbour at the region's half-resolution row `y`, columns `x`….
 #[inline(always)]
 pub fn gather<L: Lanes>(l: L, neighbour: Neighbour, region: Rect, y: usize, x: usize, out: &mut [f32]) {
-    let (rows, columns, channels) = neighbour.features.shape();
+    let (_, columns, channels) = neighbour.features.shape();
     let features = neighbour.features.as_slice();
     let mut block = [l.splat(0.0); 16];
-    let mut index = [[0; 4]; 16];
+    let mut index = [0; 16];
     let mut weight = [[0.0; 4]; 16];
     for part in (0..SEGMENT).step_by(16) {
         for p in 0..16 {
             let pixel = y * region.columns + (x + part + p).min(region.columns - 1);
-            let position = &neighbour.warped.position.as_slice()[2 * pixel..][..2];
-            let corners = Corners::new(position[0], position[1], rows, columns);
-            (index[p], weight[p]) = (corners.index, corners.weight);
+            let corners = neighbour.warped.corners[pixel];
+            (index[p], weight[p]) = (corners.index * channels, Corners::weights(corners.fraction));
             let extras = &neighbour.warped.extras.as_slice()[pixel * EXTRAS..][..EXTRAS];
             for e in 0..EXTRAS {
                 out[(channels + e) * SEGMENT + part + p] = extras[e];
@@ -60,11 +59,11 @@ pub fn gather<L: Lanes>(l: L, neighbour: Neighbour, region: Rect, y: usize, x: u
         }
         for first in (0..channels).step_by(16) {
             for p in 0..16 {
-                let mut sum = l.splat(0.0);
-                for k in 0..4 {
-                    sum = l.fma(l.splat(weight[p][k]), l.load(features, index[p][k] * channels + first), sum);
-                }
-                block[p] = sum;
+                let [upper, lower] = [index[p] + first, index[p] + columns * channels + first];
+                let sum = l.mul(l.splat(weight[p][0]), l.load(features, upper));
+                let sum = l.fma(l.splat(weight[p][1]), l.load(features, upper + channels), sum);
+                let sum = l.fma(l.splat(weight[p][2]), l.load(features, lower), sum);
+                block[p] = l.fma(l.splat(weight[p][3]), l.load(features, lower + channels), sum);
             }
             store_columns(l, block, first, part, out);
         }

@@ -17,8 +17,8 @@ pub const EXTRAS: usize = 7;
 
 /// What the network gets of one neighbour over a region.
 pub struct Warped {
-    /// Where the features of each half-resolution pixel are sampled: (column, row) in the neighbour, half resolution.
-    pub position: Activation,
+    /// Where each half-resolution pixel samples the neighbour's features.
+    pub corners: Vec<Corners>,
     /// EXTRAS channels at half resolution.
     pub extras: Activation,
 }
@@ -72,37 +72,38 @@ impl Path<'_> {
     }
 }
 
-/// The four pixels around a position, clamped to the image, and their weights.
+/// The four pixels around a position, clamped to the image: the first, then its right, lower and lower right neighbour.
+#[derive(Clone, Copy)]
 pub struct Corners {
-    pub index: [usize; 4],
-    pub weight: [f32; 4],
+    /// Of the first, in pixels, row-major.
+    pub index: usize,
+    /// How far towards the right and the lower neighbour.
+    pub fraction: [f32; 2],
 }
 
 impl Corners {
-    /// Bilinear corners of (column, row) in an image of `rows` × `columns`; indices count pixels, row-major.
+    /// Around (column, row) in an image of `rows` × `columns`, at least two each.
     #[inline(always)]
     pub fn new(column: f32, row: f32, rows: usize, columns: usize) -> Self {
         let x = column.clamp(0.0, (columns - 1) as f32);
         let y = row.clamp(0.0, (rows - 1) as f32);
-        let (x0, y0) = (x as usize, y as usize);
-        let (fx, fy) = (x - x0 as f32, y - y0 as f32);
-        let (x1, y1) = ((x0 + 1).min(columns - 1), (y0 + 1).min(rows - 1));
-        Self {
-            index: [y0 * columns + x0, y0 * columns + x1, y1 * columns + x0, y1 * columns + x1],
-            weight: [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy],
-        }
+        let (x0, y0) = ((x as usize).min(columns - 2), (y as usize).min(rows - 2));
+        Self { index: y0 * columns + x0, fraction: [x - x0 as f32, y - y0 as f32] }
+    }
+
+    /// Their weights.
+    #[inline(always)]
+    pub fn weights([fx, fy]: [f32; 2]) -> [f32; 4] {
+        [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy]
     }
 
     #[inline(always)]
-    fn sample(&self, image: &[[f32; 8]], out: &mut [f32; 8]) {
-        let mut sum = [0.0; 8];
-        for k in 0..4 {
-            let (lanes, w) = (&image[self.index[k]], self.weight[k]);
-            for c in 0..8 {
-                sum[c] += w * lanes[c];
-            }
+    fn sample(&self, image: &[[f32; 8]], columns: usize, out: &mut [f32; 8]) {
+        let weights = Self::weights(self.fraction);
+        let (upper, lower) = (&image[self.index..][..2], &image[self.index + columns..][..2]);
+        for c in 0..8 {
+            out[c] = weights[0] * upper[0][c] + weights[1] * upper[1][c] + weights[2] * lower[0][c] + weights[3] * lower[1][c];
         }
-        *out = sum;
     }
 }
 
@@ -121,18 +122,18 @@ pub fn warp(
     let path =
         Path { frames, sign: if offset > 0 { 1.0 } else { -1.0 }, rows: centre.padded_rows, columns: centre.padded_columns };
     let mut planes = Planes::new(channels.full() * FULL_PHASES, region.rows, region.columns, margin);
-    let (mut position, mut extras) = (Activation::empty(), Activation::empty());
-    position.reset(region.rows, region.columns, 2);
+    let mut corners = vec![Corners { index: 0, fraction: [0.0; 2] }; region.area()];
+    let mut extras = Activation::empty();
     extras.reset(region.rows, region.columns, EXTRAS);
     let distance = offset.unsigned_abs().min(2) as f32 / 2.0;
-    let positions = position.as_mut_slice().par_chunks_mut(2 * region.columns);
+    let rows_of_corners = corners.par_chunks_mut(region.columns);
     let maps = extras.as_mut_slice().par_chunks_mut(region.columns * EXTRAS);
-    planes.rows_mut().zip(positions).zip(maps).enumerate().for_each(|(y, ((mut row, position), extras))| {
+    planes.rows_mut().zip(rows_of_corners).zip(maps).enumerate().for_each(|(y, ((mut row, corners), extras))| {
         let mut pixels = vec![[0.0; 8]; 2 * region.columns * frames[0].groups.len()];
         let mut maps = vec![[0.0; EXTRAS]; 2 * region.columns];
         extras.fill(0.0);
         for dy in 0..2 {
-            warp_row(isa, &path, region, 2 * (region.row + y) + dy, &mut pixels, &mut maps, position);
+            warp_row(isa, &path, region, 2 * (region.row + y) + dy, &mut pixels, &mut maps, corners);
             for (x, from) in maps.iter().enumerate() {
                 let to = &mut extras[x / 2 * EXTRAS..][..EXTRAS];
                 to.iter_mut().zip(from).for_each(|(to, from)| *to += 0.25 * from);
@@ -153,10 +154,10 @@ pub fn warp(
         }
         extras.chunks_exact_mut(EXTRAS).for_each(|e| e[EXTRAS - 1] = distance);
     });
-    (planes, Warped { position, extras })
+    (planes, Warped { corners, extras })
 }
 
-/// One full-resolution row: warped pixels of every group, the maps, and (from even rows) the half-resolution positions.
+/// One full-resolution row: warped pixels of every group, the maps, and (from even rows) where the features are sampled.
 #[inline(always)]
 fn warp_row_body<L: Lanes>(
     l: L,
@@ -165,7 +166,7 @@ fn warp_row_body<L: Lanes>(
     y: usize,
     pixels: &mut [[f32; 8]],
     maps: &mut [[f32; EXTRAS]],
-    position: &mut [f32],
+    half_corners: &mut [Corners],
 ) {
     let neighbour = path.frames[path.frames.len() - 1];
     let width = 2 * region.columns;
@@ -176,7 +177,7 @@ fn warp_row_body<L: Lanes>(
         let place = path.place(y, x);
         let corners = Corners::new(place.column, place.row, path.rows, path.columns);
         let sampled = &mut pixels[i];
-        corners.sample(&neighbour.groups[0], sampled);
+        corners.sample(&neighbour.groups[0], path.columns, sampled);
         let trust = if place.trusted && sampled[INVALID] == 0.0 { 1.0 } else { 0.0 };
         sampled.iter_mut().for_each(|v| *v *= trust);
         depths[i] = sampled[DEPTH];
@@ -187,13 +188,13 @@ fn warp_row_body<L: Lanes>(
         }
         for (group, image) in neighbour.groups.iter().enumerate().skip(1) {
             let more = &mut pixels[group * width + i];
-            corners.sample(image, more);
+            corners.sample(image, path.columns, more);
             more.iter_mut().for_each(|v| *v *= trust);
         }
         if y % 2 == 0 && i % 2 == 0 {
-            let half = ((region.column + i / 2) as f32, (y / 2) as f32);
-            position[i] = half.0 + (place.column - x as f32) * 0.5;
-            position[i + 1] = half.1 + (place.row - y as f32) * 0.5;
+            let column = (region.column + i / 2) as f32 + (place.column - x as f32) * 0.5;
+            let row = (y / 2) as f32 + (place.row - y as f32) * 0.5;
+            half_corners[i / 2] = Corners::new(column, row, path.rows / 2, path.columns / 2);
         }
     }
     ln_1p_body(l, &mut depths);
@@ -203,7 +204,7 @@ fn warp_row_body<L: Lanes>(
 }
 
 dispatch! {
-    fn warp_row(path: &Path, region: Rect, y: usize, pixels: &mut [[f32; 8]], maps: &mut [[f32; EXTRAS]], position: &mut [f32]) = warp_row_body
+    fn warp_row(path: &Path, region: Rect, y: usize, pixels: &mut [[f32; 8]], maps: &mut [[f32; EXTRAS]], half_corners: &mut [Corners]) = warp_row_body
 }
 
 /// The centre frame's own planes over a region, in the layout of [`warp`]'s planes.
