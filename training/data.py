@@ -110,7 +110,8 @@ def prepare(
         modulation[k] = albedo + epsilon if guides.albedo else torch.ones_like(albedo)
         demodulated[k] = shot.colour[i].clamp_min(0) / modulation[k]
         depth = shot.depth[i]
-        depths[k] = torch.where((depth > 0) & (depth < 1e9), depth, 0.0) * depth_scale(depth, valid[i]) if guides.depth else torch.zeros_like(depth)
+        front = torch.where((depth > 0) & (depth < 1e9), depth, 0.0)
+        depths[k] = front * depth_scale(depth, valid[i]) if guides.depth else torch.zeros_like(depth)
         parts = (
             torch.log1p(demodulated[k] * scale[k]),
             albedo if guides.albedo else torch.zeros_like(albedo),

@@ -1,6 +1,6 @@
 """Writes a checkpoint's averaged weights as the safetensors file that the Rust core embeds.
 
-    python export.py runs/first/checkpoint.pt ../models/hush.safetensors --shots ../../shared/data/shots
+python export.py runs/first/checkpoint.pt ../models/hush.safetensors --shots shots
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ def main() -> None:
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("checkpoint", type=Path)
     p.add_argument("weights", type=Path)
-    p.add_argument("--shots", type=Path, required=True, help="the shots it was trained on; the validation split measures the exported weights")
+    p.add_argument("--shots", type=Path, required=True, help="the shots it was trained on; measures on their validation split")
     p.add_argument("--threads", type=int, default=1)
     a = p.parse_args()
     torch.set_num_threads(a.threads)

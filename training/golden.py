@@ -1,6 +1,6 @@
 """Writes what holds the Rust network and this one together: a small random model, inputs and every stage's output.
 
-    python golden.py ../tests/data
+python golden.py ../tests/data
 """
 
 from __future__ import annotations
@@ -20,6 +20,12 @@ SMALL = Architecture(
     features=16, half=32, quarter=48, eighth=16, blocks_half=1, blocks_quarter=1, blocks_eighth=2, pair=16, lambda_hidden=4,
     centre_taps=5, neighbour_taps=3, coarse_taps=3, albedo_taps=3,
 )  # fmt: skip
+CASES: tuple[tuple[str, int, int, tuple[int, ...], float], ...] = (
+    ("window2", 32, 48, (-1, 1, -2, 2), 1.0),
+    ("odd", 19, 45, (-1, 1, -2, 2), 8.0),
+    ("window0", 24, 40, (), 3.0),
+    ("uneven", 16, 72, (1, 2), 64.0),
+)
 
 
 def padded(image: Tensor, rows: int, columns: int) -> Tensor:
@@ -27,6 +33,14 @@ def padded(image: Tensor, rows: int, columns: int) -> Tensor:
     h, w = image.shape[-2:]
     flat = image.reshape(1, -1, h, w)
     return F.pad(flat, (0, columns - w, 0, rows - h), mode="replicate").reshape(*image.shape[:-2], rows, columns)
+
+
+def random_model(generator: torch.Generator) -> Hush:
+    """The small network with random weights."""
+    net = Hush(SMALL)
+    spread = lambda v: 0.7 / max(1, v[0].numel()) ** 0.5 if v.dim() > 1 else 0.1
+    net.load_state_dict({k: torch.randn(v.shape, generator=generator) * spread(v) for k, v in net.state_dict().items()})
+    return net.eval()
 
 
 def random_shot(rows: int, columns: int, generator: torch.Generator) -> tuple[Shot, Tensor]:
@@ -45,40 +59,47 @@ def random_shot(rows: int, columns: int, generator: torch.Generator) -> tuple[Sh
     return whole, F.pad(valid, (0, up(columns) - columns, 0, up(rows) - rows))
 
 
+def forward(net: Hush, batch: dict[str, Tensor], lam: float) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
+    """The network's outputs, and the features it passes through on the way."""
+    stages: dict[str, Tensor] = {}
+    modules = {"features": net.encoder, "half_features": net.half_out, "quarter_features": net.quarter_out}
+
+    def keep(name: str) -> torch.utils.hooks.RemovableHandle:
+        return modules[name].register_forward_hook(lambda _module, _inputs, output: stages.__setitem__(name, output[0]))
+
+    hooks = [keep(name) for name in modules]
+    result = net(batch, torch.tensor([lam]))
+    for hook in hooks:
+        hook.remove()
+    return result, stages
+
+
+def case(net: Hush, rows: int, columns: int, offsets: tuple[int, ...], lam: float, generator: torch.Generator) -> dict[str, Tensor]:
+    """One case: the passes as a file would hold them (bad pixels are NaN) and what comes out at every stage."""
+    shot, valid = random_shot(rows, columns, generator)
+    batch = {k: v[None] for k, v in prepare(shot, offsets, valid=valid).items()}
+    result, stages = forward(net, batch, lam)
+    crop = lambda x, scale=1: x[..., : -(-rows // scale), : -(-columns // scale)].contiguous()
+    nan = torch.where(valid > 0, 0.0, float("nan"))
+    return {
+        "colour": crop(shot.colour + nan), "albedo": crop(shot.albedo), "normal": crop(shot.normal), "depth": crop(shot.depth),
+        "vector": crop(shot.vector), "lambda": torch.tensor([lam]), "offsets": torch.tensor(offsets or [0]),
+        "features": stages["features"], "half_features": stages["half_features"], "quarter_features": stages["quarter_features"],
+        "quarter": crop(result["quarter"][0], 4), "half": crop(result["half"][0], 2), "image": crop(result["image"][0]),
+        "centre": torch.tensor([CENTRE]),
+    }  # fmt: skip
+
+
 @torch.no_grad()
 def main() -> None:
     out = Path(sys.argv[1])
     generator = torch.Generator().manual_seed(7)
-    net = Hush(SMALL)
-    tensors = {k: torch.randn(v.shape, generator=generator) * (0.7 / max(1, v[0].numel()) ** 0.5 if v.dim() > 1 else 0.1) for k, v in net.state_dict().items()}
-    net.load_state_dict(tensors)
-    net.eval()
+    net = random_model(generator)
     header = {"hush.architecture": json.dumps(SMALL.header(), separators=(",", ":")), "hush.training": "random"}
-    save_file(tensors, out / "golden_model.safetensors", metadata=header)
+    save_file(net.state_dict(), out / "golden_model.safetensors", metadata=header)
     cases: dict[str, Tensor] = {}
-    for name, rows, columns, offsets, lam in (
-        ("window2", 32, 48, (-1, 1, -2, 2), 1.0),
-        ("odd", 19, 45, (-1, 1, -2, 2), 8.0),
-        ("window0", 24, 40, (), 3.0),
-        ("uneven", 16, 72, (1, 2), 64.0),
-    ):
-        shot, valid = random_shot(rows, columns, generator)
-        batch = {k: v[None] for k, v in prepare(shot, offsets, valid=valid).items()}
-        stages: dict[str, Tensor] = {}
-        net.encoder.register_forward_hook(lambda m, i, o: stages.__setitem__("features", o[0]))
-        net.half_out.register_forward_hook(lambda m, i, o: stages.__setitem__("half_features", o[0]))
-        net.quarter_out.register_forward_hook(lambda m, i, o: stages.__setitem__("quarter_features", o[0]))
-        result = net(batch, torch.tensor([lam]))
-        crop = lambda x, scale=1: x[..., : -(-rows // scale), : -(-columns // scale)].contiguous()
-        nan = torch.where(valid > 0, 0.0, float("nan"))
-        case = {
-            "colour": crop(shot.colour + nan), "albedo": crop(shot.albedo), "normal": crop(shot.normal), "depth": crop(shot.depth),
-            "vector": crop(shot.vector), "lambda": torch.tensor([lam]), "offsets": torch.tensor(offsets or [0]),
-            "features": stages["features"], "half_features": stages["half_features"], "quarter_features": stages["quarter_features"],
-            "quarter": crop(result["quarter"][0], 4), "half": crop(result["half"][0], 2), "image": crop(result["image"][0]),
-            "centre": torch.tensor([CENTRE]),
-        }  # fmt: skip
-        cases |= {f"{name}.{k}": v.float().contiguous() for k, v in case.items()}
+    for name, *settings in CASES:
+        cases |= {f"{name}.{k}": v.float().contiguous() for k, v in case(net, *settings, generator).items()}
     save_file(cases, out / "golden_cases.safetensors")
 
 

@@ -241,8 +241,8 @@ class Hush(nn.Module):
         all_logits = [logits[:, :n], *near]
         total = torch.zeros((), device=logits.device)
         norm = torch.zeros((), device=logits.device)
-        for (image, valid, size), l in zip(parts, all_logits, strict=True):
-            w = torch.exp(l.float().clamp(-LOGIT_LIMIT, LOGIT_LIMIT)) * pixel_taps(valid, size)[:, 0]
+        for (image, valid, size), part in zip(parts, all_logits, strict=True):
+            w = torch.exp(part.float().clamp(-LOGIT_LIMIT, LOGIT_LIMIT)) * pixel_taps(valid, size)[:, 0]
             total = total + weighted(w, pixel_taps(image, size))
             norm = norm + w.sum(1, keepdim=True)
         if coarse is not None:
@@ -258,8 +258,8 @@ class Hush(nn.Module):
         w = torch.exp(logits.float().clamp(-LOGIT_LIMIT, LOGIT_LIMIT)) * pixel_taps(valid[:, 0], size)[:, 0]
         total = weighted(w, pixel_taps(albedo[:, 0], size))
         norm = w.sum(1, keepdim=True)
-        for k, l in enumerate(near, 1):
-            w = torch.exp(l.float().clamp(-LOGIT_LIMIT, LOGIT_LIMIT)) * valid[:, k]
+        for k, part in enumerate(near, 1):
+            w = torch.exp(part.float().clamp(-LOGIT_LIMIT, LOGIT_LIMIT)) * valid[:, k]
             total = total + w * albedo[:, k]
             norm = norm + w
         return total / norm.clamp_min(1e-30)

@@ -1,6 +1,6 @@
 """Measures Open Image Denoise on the validation shots: SMAPE and relMSE of the middle frame, next to the noisy input's.
 
-    python peers.py --shots ../../shared/data/shots > peers.json
+    python peers.py --shots shots > peers.json
 
 Two rows a shot: `oidn_high` takes colour, albedo and normal as rendered; `oidn_clean_aux` first filters the albedo and the
 normal, each by itself, and says so with cleanAux. Scores are computed as `train.py: validate` does. A markdown table goes to

@@ -1,6 +1,6 @@
 """Trains the network. Resumable: start it again with the same folder and it goes on.
 
-    python train.py --shots ../../shared/data/shots --out runs/first --hours 2
+python train.py --shots shots --out runs/first --hours 2
 """
 
 from __future__ import annotations
@@ -11,13 +11,17 @@ import math
 import os
 import random
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import torch
+import torch.nn.functional as F
 from data import OFFSETS, Guides, Shot, cropped, oriented, prepare, read_split
 from loss import asymmetric, smape
 from model import LAMBDA_MAX, Architecture, Hush
 from torch import Tensor
+from torch.optim import AdamW
+from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 
 def example(r: random.Random, shots: list[Shot], size: int) -> dict[str, Tensor]:
@@ -50,6 +54,11 @@ def collate(parts: list[dict[str, Tensor]]) -> dict[str, Tensor]:
 
 
 def objective(net: Hush, batch: dict[str, Tensor]) -> Tensor:
+    """The loss of a batch, on images scaled so that the reference's mean is 0.4.
+
+    The asymmetric loss of the final image, weighted 2 / (1 + √λ) so that no λ outweighs the others; 0.1 and 0.05 of the SMAPE of
+    the demodulated half and quarter levels; 0.1 of the SMAPE of the final image at half resolution, against blotches.
+    """
     lam = batch["lam"]
     out = net(batch, lam)
     gain = batch["gain"].view(-1, 1, 1, 1)
@@ -58,10 +67,9 @@ def objective(net: Hush, batch: dict[str, Tensor]) -> Tensor:
     total = (asymmetric(out["image"] * gain, reference, noisy, lam) * weight).mean()
     base = batch["reference"] / batch["albedo"][:, 0].clamp_min(0.05) * gain
     for level, share in (("half", 0.1), ("quarter", 0.05)):
-        base = torch.nn.functional.avg_pool2d(base, 2)
+        base = F.avg_pool2d(base, 2)
         total = total + share * smape(out[level] * gain, base).mean()
-    clean = torch.nn.functional.avg_pool2d(reference, 2)
-    return total + 0.1 * smape(torch.nn.functional.avg_pool2d(out["image"] * gain, 2), clean).mean()
+    return total + 0.1 * smape(F.avg_pool2d(out["image"] * gain, 2), F.avg_pool2d(reference, 2)).mean()
 
 
 @torch.no_grad()
@@ -74,6 +82,42 @@ def validate(net: Hush, shots: list[Shot], offsets: tuple[int, ...], lam: float 
         gain = batch["gain"].view(-1, 1, 1, 1)
         total += float(smape(image * gain, batch["reference"] * gain).mean())
     return total / len(shots)
+
+
+@dataclass
+class Run:
+    """The state of a training run; `checkpoint.pt` in its folder holds all of it."""
+
+    folder: Path
+    net: Hush
+    mean: AveragedModel
+    optimiser: AdamW
+    step: int = 0
+    spent: float = 0.0
+
+    def resume(self) -> None:
+        """Goes on where the folder's checkpoint was written; from the start where there is none."""
+        path = self.folder / "checkpoint.pt"
+        if not path.exists():
+            return
+        state = torch.load(path, weights_only=True)
+        self.net.load_state_dict(state["net"])
+        self.mean.load_state_dict(state["mean"])
+        self.optimiser.load_state_dict(state["optimiser"])
+        self.step, self.spent = state["step"], state["spent"]
+
+    def record(self, held: list[Shot], loss: float) -> None:
+        """Validates the averaged weights, adds a line to log.jsonl and writes the checkpoint."""
+        net = self.mean.module
+        scores = {"window2": validate(net, held, OFFSETS), "window0": validate(net, held, ())}
+        line = json.dumps({"step": self.step, "spent": self.spent, "loss": loss, **scores})
+        print(line, flush=True)
+        with (self.folder / "log.jsonl").open("a") as log:
+            log.write(line + "\n")
+        parts = {"net": self.net.state_dict(), "mean": self.mean.state_dict(), "optimiser": self.optimiser.state_dict()}
+        aside = self.folder / "checkpoint.tmp"
+        torch.save({**parts, "step": self.step, "spent": self.spent}, aside)
+        os.replace(aside, self.folder / "checkpoint.pt")
 
 
 def main() -> None:
@@ -93,25 +137,16 @@ def main() -> None:
     train, held = read_split(a.shots)
     torch.manual_seed(1)
     net = Hush(Architecture()).to(memory_format=torch.channels_last)
-    mean = torch.optim.swa_utils.AveragedModel(net, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(0.999))
-    optimiser = torch.optim.AdamW(net.parameters(), lr=a.rate, betas=(0.9, 0.99), weight_decay=1e-4)
-    step, spent = 0, 0.0
-    checkpoint = a.out / "checkpoint.pt"
-    if checkpoint.exists():
-        state = torch.load(checkpoint, weights_only=True)
-        net.load_state_dict(state["net"])
-        mean.load_state_dict(state["mean"])
-        optimiser.load_state_dict(state["optimiser"])
-        step, spent = state["step"], state["spent"]
-    r = random.Random(step + 17)
-    log = (a.out / "log.jsonl").open("a")
-    begun, running = time.monotonic() - spent, None
-    while True:
-        spent = time.monotonic() - begun
+    mean = AveragedModel(net, multi_avg_fn=get_ema_multi_avg_fn(0.999))
+    optimiser = AdamW(net.parameters(), lr=a.rate, betas=(0.9, 0.99), weight_decay=1e-4)
+    run = Run(a.out, net, mean, optimiser)
+    run.resume()
+    recorded = run.step
+    r = random.Random(run.step + 17)
+    begun, running = time.monotonic() - run.spent, None
+    while (spent := time.monotonic() - begun) < a.hours * 3600:
         done = spent / (a.hours * 3600)
-        if done >= 1.0:
-            break
-        rate = a.rate * min(1.0, (step + 1) / 200) * max(0.005, 0.5 * (1 + math.cos(math.pi * done)))
+        rate = a.rate * min(1.0, (run.step + 1) / 200) * max(0.005, 0.5 * (1 + math.cos(math.pi * done)))
         for group in optimiser.param_groups:
             group["lr"] = rate
         batch = collate([example(r, train, a.crop) for _ in range(a.batch)])
@@ -123,21 +158,18 @@ def main() -> None:
         if torch.isfinite(norm):
             optimiser.step()
             mean.update_parameters(net)
-        step += 1
+        run.step += 1
+        run.spent = spent
         value = float(loss.detach())
         running = value if running is None else 0.99 * running + 0.01 * value
-        last = time.monotonic() - begun >= a.hours * 3600
-        if step % 100 == 0:
-            print(f"step {step} loss {running:.4f} rate {rate:.2e} {spent / step:.3f} s/step", flush=True)
-        if step % a.every == 0 or last:
-            smoothed = mean.module
-            row = {"step": step, "spent": spent, "loss": running, "window2": validate(smoothed, held, OFFSETS), "window0": validate(smoothed, held, ())}
-            print(json.dumps(row), flush=True)
-            log.write(json.dumps(row) + "\n")
-            log.flush()
-            state = {"net": net.state_dict(), "mean": mean.state_dict(), "optimiser": optimiser.state_dict(), "step": step, "spent": spent}
-            torch.save(state, checkpoint.with_suffix(".tmp"))
-            os.replace(checkpoint.with_suffix(".tmp"), checkpoint)
+        if run.step % 100 == 0:
+            print(f"step {run.step} loss {running:.4f} rate {rate:.2e} {spent / run.step:.3f} s/step", flush=True)
+        if run.step % a.every == 0:
+            run.record(held, running)
+            recorded = run.step
+    if running is not None and run.step > recorded:
+        run.spent = spent  # the schedule's end, so that starting again trains no further
+        run.record(held, running)
 
 
 if __name__ == "__main__":
