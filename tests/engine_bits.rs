@@ -11,8 +11,26 @@ use hush::simd::Isa;
 use hush::{Denoised, Engine, Frame};
 use ndarray::{Array3, Axis, ShapeBuilder};
 
+/// A frame with every pass, and with bad colours and wild vectors here and there.
+fn damaged(seed: u64, rows: usize, columns: usize) -> Frame {
+    let mut frame = full(seed, rows, columns);
+    let chance = |y, x| (random(seed ^ 0x88, y, x, 0) * 200.0) as usize;
+    frame.colour.indexed_iter_mut().for_each(|((y, x, _), v)| match chance(y, x) {
+        0 => *v = f32::NAN,
+        1 => *v = 1e6,
+        _ => {}
+    });
+    frame.vector.iter_mut().flat_map(|v| v.indexed_iter_mut()).for_each(|((y, x, c), v)| match chance(y, x) {
+        2 => *v = f32::NAN,
+        3 => *v = f32::INFINITY,
+        4 => *v = 300.0 * (c as f32 - 1.5),
+        _ => {}
+    });
+    frame
+}
+
 fn sequence(rows: usize, columns: usize, count: u64) -> Vec<Frame> {
-    (0..count).map(|t| full(t, rows, columns)).collect()
+    (0..count).map(|t| damaged(t, rows, columns)).collect()
 }
 
 fn middle(engine: &Engine, rows: usize, columns: usize, window: usize) -> Denoised {
@@ -51,7 +69,7 @@ fn threads_do_not_change_the_result() {
 #[test]
 fn tiles_do_not_change_the_result() {
     for (rows, columns, window, at_least) in
-        [(168, 200, 1, 2), (40, 520, 2, 3), (520, 40, 1, 3), (237, 395, 1, 6), (9, 1001, 0, 4)]
+        [(168, 200, 1, 2), (40, 520, 3, 3), (520, 40, 1, 3), (237, 395, 1, 6), (9, 1001, 0, 4)]
     {
         let cut = smallest_tiles(rows, columns);
         assert!(cut.len() >= at_least, "{columns}×{rows}: {} tiles", cut.len());
@@ -78,9 +96,36 @@ fn a_frame_is_the_same_twice_and_in_a_chunk() {
     let run = encode(&engine, sequence(29, 45, 9));
     let first = denoise(&engine, &run, 4, 2, 1.0);
     denoise(&engine, &run, 5, 3, 40.0);
+    // Buffers that larger, smaller and brighter frames leave behind have no say either.
+    for (rows, columns) in [(90, 110), (3, 5), (29, 45)] {
+        let other = (0..3).map(|t| {
+            let mut frame = full(100 + t, rows, columns);
+            frame.colour.fill(1e35);
+            frame.depth = None;
+            frame
+        });
+        denoise(&engine, &encode(&engine, other), 1, 1, 64.0);
+    }
     assert_same("again", &first, &denoise(&engine, &run, 4, 2, 1.0));
     let chunk = encode(&small(), sequence(29, 45, 9).into_iter().skip(2).take(5));
     assert_same("in a chunk", &first, &denoise(&engine, &chunk, 2, 2, 1.0));
+}
+
+#[test]
+fn one_engine_serves_several_threads() {
+    let engine = small();
+    let run = encode(&engine, sequence(37, 41, 5));
+    let expected: Vec<Denoised> = (0..5).map(|t| denoise(&engine, &run, t, 2, 1.0)).collect();
+    std::thread::scope(|scope| {
+        for thread in 0..3 {
+            let (engine, run, expected) = (&engine, &run, &expected);
+            scope.spawn(move || {
+                for t in (0..5).map(|t| (t + 2 * thread) % 5) {
+                    assert_same("beside others", &expected[t], &denoise(engine, run, t, 2, 1.0));
+                }
+            });
+        }
+    });
 }
 
 #[test]

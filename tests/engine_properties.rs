@@ -61,7 +61,7 @@ fn relative(a: &Array3<f32>, b: &Array3<f32>) -> f32 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..Default::default() })]
 
     #[test]
     fn the_output_never_leaves_the_range_of_the_window(
@@ -152,6 +152,29 @@ proptest! {
     fn any_lambda_gives_an_image((seed, rows, columns, count, centre) in runs(), lambda in 1.0f32..=64.0) {
         let frames = (0..count as u64).map(|t| full(seed.wrapping_add(t), rows, columns));
         assert_sane("lambda", &denoise(&SMALL, &encode(&SMALL, frames), centre, 3, lambda), rows, columns);
+    }
+}
+
+#[test]
+fn brightness_passes_through_the_embedded_model_and_so_does_distance() {
+    let engine = Engine::new(Settings::default()).unwrap();
+    let run = |scale: f32, depth: f32| {
+        let frames = (0..5).map(|t| {
+            let mut frame = guided(t, 24, 40);
+            frame.colour *= scale;
+            frame.depth = frame.depth.map(|d| d * depth);
+            frame
+        });
+        denoise(&engine, &encode(&engine, frames), 2, 2, 1.0).colour
+    };
+    let base = run(1.0, 1.0);
+    for k in [-10, -3, 5, 10] {
+        let off = relative(&(&base * 2.0f32.powi(k)), &run(2.0f32.powi(k), 1.0));
+        assert!(off <= 1e-5, "2^{k}: off by {off}");
+    }
+    for k in [-40, -10, 3, 20] {
+        let off = relative(&base, &run(1.0, 2.0f32.powi(k)));
+        assert!(off <= 1e-5, "depth 2^{k}: off by {off}");
     }
 }
 
