@@ -1,6 +1,7 @@
 //! One frame's passes in memory.
 
 pub mod packed;
+pub mod pixels;
 
 use ndarray::{Array2, Array3};
 

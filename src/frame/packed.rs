@@ -6,6 +6,7 @@ use ndarray::{Array2, Array3, ArrayView2, ArrayView3};
 use rayon::prelude::*;
 
 use super::Frame;
+use super::pixels::Pixels;
 use crate::error::Result;
 
 /// Frames are padded to a multiple of this in both directions: three 2×2 down-samplings.
@@ -38,7 +39,7 @@ pub struct PackedFrame {
     /// The scale that brings the frame to the network's brightness.
     pub exposure: f32,
     /// Group 0 has the lanes above; the others hold eight extra channels each (alpha, then AOVs), zero beyond [`Self::extra`].
-    pub groups: Vec<Vec<[f32; 8]>>,
+    pub groups: Vec<Pixels<8>>,
     /// Extra channels.
     pub extra: usize,
     /// Whether extra channel 0 is alpha.
@@ -46,7 +47,7 @@ pub struct PackedFrame {
     /// Names of the AOVs, three extra channels each.
     pub aov_names: Vec<String>,
     /// Vector pass X, Y, Z, W.
-    pub vectors: Option<Vec<[f32; 4]>>,
+    pub vectors: Option<Pixels<4>>,
 }
 
 /// The guides as the encoder sees them, at the frame's own size.
@@ -72,7 +73,9 @@ impl PackedFrame {
         let depth_scale = frame.depth.as_ref().map_or(0.0, |d| depth_scale(d.view(), frame.colour.view()));
         let has_alpha = frame.alpha.is_some();
         let extra = usize::from(has_alpha) + 3 * frame.aovs.len();
-        let mut groups = vec![vec![[0.0; 8]; padded_rows * padded_columns]; 1 + extra.div_ceil(8)];
+        let mut groups: Vec<Pixels<8>> =
+            (0..1 + extra.div_ceil(8)).map(|_| Pixels::unspecified(padded_rows * padded_columns)).collect();
+        groups[1..].iter_mut().for_each(|group| group.fill([0.0; 8]));
         let (first, more) = groups.split_at_mut(1);
         let colour = frame.colour.view();
         first[0].par_chunks_mut(padded_columns).enumerate().for_each(|(y, row)| {
@@ -125,9 +128,9 @@ fn extra_channels(frame: &Frame) -> Vec<(ArrayView2<'_, f32>, Option<usize>)> {
     alpha.chain(aovs).collect()
 }
 
-fn pack_vectors(v: ArrayView3<f32>, padded_rows: usize, padded_columns: usize) -> Vec<[f32; 4]> {
+fn pack_vectors(v: ArrayView3<f32>, padded_rows: usize, padded_columns: usize) -> Pixels<4> {
     let (rows, columns, _) = v.dim();
-    let mut out = vec![[0.0; 4]; padded_rows * padded_columns];
+    let mut out = Pixels::unspecified(padded_rows * padded_columns);
     out.par_chunks_mut(padded_columns).enumerate().for_each(|(y, row)| {
         for (x, to) in row.iter_mut().enumerate() {
             *to = std::array::from_fn(|c| v[[y.min(rows - 1), x.min(columns - 1), c]]);

@@ -10,20 +10,20 @@ pub fn down_from_full(full: &Planes, channels: &Channels, margin: usize) -> Plan
     let mut out = Planes::new(channels.coarse(), full.rows(), full.columns(), margin);
     out.rows_mut().enumerate().for_each(|(y, mut row)| {
         let phase = |channel: usize, p: usize| full.row(channel * FULL_PHASES + p, y);
-        let masks: [&[f32]; 4] = std::array::from_fn(|p| phase(channels.mask(), p));
+        let four = |channel: usize| [phase(channel, 0), phase(channel, 1), phase(channel, 2), phase(channel, 3)];
+        let masks = four(channels.mask());
         let columns = full.columns();
         for channel in 0..channels.values {
-            let from: [&[f32]; 4] = std::array::from_fn(|p| phase(channel, p));
+            let ([a, b, c, d], [ma, mb, mc, md]) = (four(channel), masks);
             let to = &mut row.plane(channel)[..columns];
             for x in 0..columns {
-                let sum: f32 = (0..4).map(|p| from[p][x] * masks[p][x]).sum();
-                let count: f32 = (0..4).map(|p| masks[p][x]).sum();
-                to[x] = sum / count.max(1.0);
+                let sum = a[x] * ma[x] + b[x] * mb[x] + c[x] * mc[x] + d[x] * md[x];
+                to[x] = sum / (ma[x] + mb[x] + mc[x] + md[x]).max(1.0);
             }
         }
         let to = row.plane(channels.mask());
         for (x, to) in to.iter_mut().enumerate() {
-            *to = (0..4).map(|p| masks[p][x]).fold(0.0, f32::max);
+            *to = masks[0][x].max(masks[1][x]).max(masks[2][x]).max(masks[3][x]);
         }
     });
     out

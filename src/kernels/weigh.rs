@@ -1,4 +1,6 @@
-//! Masked joint softmax over the taps of several images, and the weighted sums: sixteen pixels at a time.
+//! Masked joint softmax over the taps of several images, and the weighted sums, a segment at a time.
+//!
+//! Image by image rather than pixel by pixel: the lines of one image stay in the first-level cache while all sub-pixels use them.
 
 use super::planes::Planes;
 use crate::simd::dense::SEGMENT;
@@ -14,10 +16,24 @@ pub struct Taps<'a> {
     pub image: &'a Planes,
     /// Planes a channel.
     pub phases: usize,
-    /// From a pixel to its taps, as made by [`offsets`].
-    pub offsets: &'a [isize],
-    /// [tap][32] logits of the segment.
+    /// For each output phase, from a pixel to its taps, as made by [`offsets`].
+    pub offsets: &'a [Vec<isize>],
+    /// [output phase][tap][32] logits of the segment, `pitch` taps from phase to phase.
     pub logits: &'a [f32],
+    /// Taps between the logits of one output phase and the next.
+    pub pitch: usize,
+}
+
+impl Taps<'_> {
+    /// Taps of one output pixel.
+    fn len(&self) -> usize {
+        self.offsets[0].len()
+    }
+
+    #[inline(always)]
+    fn start(&self, channel: usize, y: usize, x: usize) -> isize {
+        self.image.at(channel * self.phases, y as isize, x as isize) as isize
+    }
 }
 
 /// Index distances from plane 0 of a pixel to the taps of a `size` × `size` kernel, rows first, `step` pixels apart.
@@ -42,53 +58,103 @@ pub fn offsets(image: &Planes, phases: usize, phase: usize, size: usize, step: i
     out
 }
 
-/// Taps of all images together.
-pub fn count(images: &[Taps]) -> usize {
-    images.iter().map(|i| i.offsets.len()).sum()
+/// What [`apply`] needs besides its arguments, reused from segment to segment.
+#[derive(Default)]
+pub struct Weights {
+    taps: Vec<f32>,
+    scales: Vec<f32>,
 }
 
-/// Writes the weights [tap][16] of pixels `x + part`… of row `y`: softmax over all images' taps, those outside `mask` left out.
+/// Softmax over the images' taps, those outside the mask left out, and the weighted sums of `channels`: `out` [channel][phase][32].
+///
+/// `y`, `x` count the images' pixels (half-resolution pixels where they have four phases); `mask` is the mask's channel.
 #[inline(always)]
-pub fn weigh<L: Lanes>(l: L, images: &[Taps], mask: usize, y: usize, x: usize, part: usize, weights: &mut [f32]) {
-    let (low, high) = (l.splat(-LOGIT_LIMIT), l.splat(LOGIT_LIMIT));
-    let mut greatest = low;
+#[allow(clippy::too_many_arguments)]
+pub fn apply<L: Lanes>(
+    l: L,
+    images: &[Taps],
+    mask: usize,
+    channels: std::ops::Range<usize>,
+    y: usize,
+    x: usize,
+    buffers: &mut Weights,
+    out: &mut [f32],
+) {
+    let phases = images[0].offsets.len();
+    let total: usize = images.iter().map(Taps::len).sum();
+    buffers.taps.resize(phases * total * SEGMENT, 0.0);
+    buffers.scales.resize(phases * SEGMENT, 0.0);
+    for phase in 0..phases {
+        weigh(l, images, mask, phase, y, x, &mut buffers.taps[phase * total * SEGMENT..], &mut buffers.scales[phase * SEGMENT..]);
+    }
+    let size = channels.len() * phases * SEGMENT;
+    out[..size].fill(0.0);
+    let mut before = 0;
     for image in images {
-        for k in 0..image.offsets.len() {
-            greatest = l.max(greatest, l.load(image.logits, k * SEGMENT + part));
+        let data = image.image.data();
+        for (channel, out) in channels.clone().zip(out.chunks_exact_mut(phases * SEGMENT)) {
+            let start = image.start(channel, y, x);
+            for (phase, offsets) in image.offsets.iter().enumerate() {
+                let weights = &buffers.taps[(phase * total + before) * SEGMENT..][..offsets.len() * SEGMENT];
+                let (mut sum0, mut sum1) = (l.load(out, phase * SEGMENT), l.load(out, phase * SEGMENT + 16));
+                for (offset, weight) in offsets.iter().zip(weights.chunks_exact(SEGMENT)) {
+                    let pixels = &data[(start + offset) as usize..][..SEGMENT];
+                    sum0 = l.fma(l.load(weight, 0), l.load(pixels, 0), sum0);
+                    sum1 = l.fma(l.load(weight, 16), l.load(pixels, 16), sum1);
+                }
+                l.store(sum0, out, phase * SEGMENT);
+                l.store(sum1, out, phase * SEGMENT + 16);
+            }
+        }
+        before += image.len();
+    }
+    for out in out[..size].chunks_exact_mut(phases * SEGMENT) {
+        for at in (0..phases * SEGMENT).step_by(16) {
+            l.store(l.mul(l.load(out, at), l.load(&buffers.scales, at)), out, at);
         }
     }
-    let greatest = l.min(greatest, high);
-    let mut norm = l.splat(0.0);
-    let mut slots = weights.chunks_exact_mut(16);
+}
+
+/// Weights [tap][32] of one output phase before normalisation, and what to multiply the sums by.
+#[inline(always)]
+#[allow(clippy::too_many_arguments)]
+fn weigh<L: Lanes>(
+    l: L,
+    images: &[Taps],
+    mask: usize,
+    phase: usize,
+    y: usize,
+    x: usize,
+    weights: &mut [f32],
+    scales: &mut [f32],
+) {
+    let (low, high) = (l.splat(-LOGIT_LIMIT), l.splat(LOGIT_LIMIT));
+    let mut greatest = [low; 2];
     for image in images {
-        let start = image.image.at(mask * image.phases, y as isize, (x + part) as isize) as isize;
-        for (k, offset) in image.offsets.iter().enumerate() {
-            let logit = l.min(l.max(l.load(image.logits, k * SEGMENT + part), low), high);
-            let usable = l.load(image.image.data(), (start + offset) as usize);
-            let weight = l.mul(l.exp(l.sub(logit, greatest)), usable);
-            norm = l.add(norm, weight);
-            if let Some(slot) = slots.next() {
-                l.store(weight, slot, 0);
+        let logits = &image.logits[phase * image.pitch * SEGMENT..][..image.len() * SEGMENT];
+        for tap in logits.chunks_exact(SEGMENT) {
+            greatest = [l.max(greatest[0], l.load(tap, 0)), l.max(greatest[1], l.load(tap, 16))];
+        }
+    }
+    greatest = [l.min(greatest[0], high), l.min(greatest[1], high)];
+    let mut norm = [l.splat(0.0); 2];
+    let mut slots = weights.chunks_exact_mut(SEGMENT);
+    for image in images {
+        let start = image.start(mask, y, x);
+        let logits = &image.logits[phase * image.pitch * SEGMENT..][..image.len() * SEGMENT];
+        let taps = image.offsets[phase].iter().zip(logits.chunks_exact(SEGMENT));
+        for ((offset, logits), slot) in taps.zip(&mut slots) {
+            let usable = &image.image.data()[(start + offset) as usize..][..SEGMENT];
+            for part in 0..2 {
+                let logit = l.min(l.max(l.load(logits, 16 * part), low), high);
+                let weight = l.mul(l.exp(l.sub(logit, greatest[part])), l.load(usable, 16 * part));
+                norm[part] = l.add(norm[part], weight);
+                l.store(weight, slot, 16 * part);
             }
         }
     }
-    let scale = l.where_positive(norm, l.div(l.splat(1.0), l.max(norm, l.splat(1e-37))));
-    for slot in weights.chunks_exact_mut(16).take(count(images)) {
-        let weight = l.mul(l.load(slot, 0), scale);
-        l.store(weight, slot, 0);
+    for part in 0..2 {
+        let scale = l.where_positive(norm[part], l.div(l.splat(1.0), l.max(norm[part], l.splat(1e-37))));
+        l.store(scale, scales, 16 * part);
     }
-}
-
-/// Σ weight · tap of one channel for the pixels that [`weigh`] was called for.
-#[inline(always)]
-pub fn weighted<L: Lanes>(l: L, images: &[Taps], channel: usize, y: usize, x: usize, part: usize, weights: &[f32]) -> L::V {
-    let mut sum = l.splat(0.0);
-    let mut slots = weights.chunks_exact(16);
-    for image in images {
-        let start = image.image.at(channel * image.phases, y as isize, (x + part) as isize) as isize;
-        for (offset, slot) in image.offsets.iter().zip(&mut slots) {
-            sum = l.fma(l.load(slot, 0), l.load(image.image.data(), (start + offset) as usize), sum);
-        }
-    }
-    sum
 }

@@ -46,7 +46,8 @@ impl Encoder {
 fn inputs(isa: Isa, frame: &PackedFrame, guides: &Guides) -> Activation {
     let (half_rows, half_columns) = (frame.padded_rows / 2, frame.padded_columns / 2);
     let columns = frame.padded_columns;
-    let mut out = Activation::new(half_rows, half_columns, 4 * INPUTS);
+    let mut out = Activation::empty();
+    out.reset(half_rows, half_columns, 4 * INPUTS);
     out.as_mut_slice().par_chunks_mut(half_columns * 4 * INPUTS).enumerate().for_each(|(hy, row)| {
         let mut logs = vec![0.0; 4 * columns];
         for dy in 0..2 {

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::pairs::Neighbour;
 use super::predictor::{Head, Predictor};
 use crate::kernels::planes::Planes;
-use crate::kernels::weigh::{Taps, offsets, weigh, weighted};
+use crate::kernels::weigh::{Taps, Weights, apply, offsets};
 use crate::kernels::{Channels, FULL_PHASES, pyramid};
 use crate::plan::tiles::Tile;
 use crate::simd::dense::SEGMENT;
@@ -56,11 +56,11 @@ pub struct Levels<'a> {
     pub widths: [usize; 4],
 }
 
-/// Index distances to the taps of each image of a level.
+/// Index distances to the taps of each image of a level, for each output phase.
 struct Reach {
-    centre: Vec<isize>,
-    neighbours: Vec<Vec<isize>>,
-    coarse: Option<Vec<isize>>,
+    centre: Vec<Vec<isize>>,
+    neighbours: Vec<Vec<Vec<isize>>>,
+    coarse: Vec<Vec<isize>>,
 }
 
 impl Levels<'_> {
@@ -73,18 +73,19 @@ impl Levels<'_> {
         (quarter, half, full)
     }
 
-    fn reach(&self, level: &Level, phases: usize, phase: usize, coarse: Option<(&Planes, isize)>) -> Reach {
-        let [centre, neighbour, coarse_width, _] = self.widths;
+    /// Distances for kernels of `centre` and `neighbour` taps, and to the coarser image, whose pixels are `step` apart.
+    fn reach(&self, level: &Level, phases: usize, centre: usize, neighbour: usize, coarser: Option<(&Planes, isize)>) -> Reach {
+        let each = |image: &Planes, size: usize| (0..phases).map(|phase| offsets(image, phases, phase, size, 1)).collect();
         Reach {
-            centre: offsets(&level.centre, phases, phase, centre, 1),
-            neighbours: level.neighbours.iter().map(|n| offsets(n, phases, phase, neighbour, 1)).collect(),
-            coarse: coarse.map(|(image, step)| offsets(image, 1, 0, coarse_width, step)),
+            centre: each(&level.centre, centre),
+            neighbours: level.neighbours.iter().map(|n| each(n, neighbour)).collect(),
+            coarse: coarser.map_or(Vec::new(), |(image, step)| vec![offsets(image, 1, 0, self.widths[2], step); phases]),
         }
     }
 
     /// Quarter and half resolution: values and mask over the whole region, zero outside it.
     fn coarse_level(&self, head: &Head, features: &Activation, level: &Level, coarser: Option<&Planes>) -> Planes {
-        let reach = self.reach(level, 1, 0, coarser.map(|c| (c, 2)));
+        let reach = self.reach(level, 1, self.widths[0], self.widths[1], coarser.map(|c| (c, 2)));
         let mut out = Planes::new(self.channels.coarse(), level.centre.rows(), level.centre.columns(), self.margins.coarse);
         let mask = self.channels.mask();
         out.rows_mut().enumerate().for_each(|(y, mut row)| {
@@ -106,15 +107,9 @@ impl Levels<'_> {
         let Tile { core, region } = self.tile;
         let values = self.channels.values;
         let level = &self.pyramid.full;
-        let reach: Vec<Reach> = (0..FULL_PHASES).map(|phase| self.reach(level, FULL_PHASES, phase, Some((half, 1)))).collect();
-        let [_, _, _, albedo] = self.widths;
-        let albedo: Vec<Reach> = (0..FULL_PHASES)
-            .map(|phase| Reach {
-                centre: offsets(&level.centre, FULL_PHASES, phase, albedo, 1),
-                neighbours: level.neighbours.iter().map(|n| offsets(n, FULL_PHASES, phase, 1, 1)).collect(),
-                coarse: None,
-            })
-            .collect();
+        let [centre, neighbour, _, albedo] = self.widths;
+        let reach = self.reach(level, FULL_PHASES, centre, neighbour, Some((half, 1)));
+        let albedo = self.reach(level, FULL_PHASES, albedo, 1, None);
         let mut out = Array3::zeros((2 * core.rows, 2 * core.columns, values));
         let width = 2 * core.columns * values;
         if let Some(out) = out.as_slice_mut() {
@@ -142,23 +137,22 @@ fn coarse_row_body<L: Lanes>(
     let values = levels.channels.values;
     let stride = line.len() / values;
     let mut logits = head.buffers(levels.neighbours.len());
-    let counts = levels.predictor.taps;
-    let mut weights = vec![0.0; 16 * (counts.centre + counts.coarse + counts.neighbour * levels.neighbours.len())];
+    let mut weights = Weights::default();
+    let mut values_of = vec![0.0; values * SEGMENT];
     for x in (0..features.columns()).step_by(SEGMENT) {
         head.predict(l, features, levels.neighbours, levels.tile.region, y, x, &mut logits);
-        let mut taps = vec![Taps { image: &level.centre, phases: 1, offsets: &reach.centre, logits: &logits.centre }];
-        if let (Some(image), Some(offsets)) = (coarser, &reach.coarse) {
-            taps.push(Taps { image, phases: 1, offsets, logits: &logits.centre[reach.centre.len() * SEGMENT..] });
+        let centre = &logits.centre;
+        let mut taps = vec![Taps { image: &level.centre, phases: 1, offsets: &reach.centre, logits: centre, pitch: 0 }];
+        if let Some(image) = coarser {
+            let logits = &centre[levels.predictor.taps.centre * SEGMENT..];
+            taps.push(Taps { image, phases: 1, offsets: &reach.coarse, logits, pitch: 0 });
         }
         for ((image, offsets), logits) in level.neighbours.iter().zip(&reach.neighbours).zip(&logits.pairs) {
-            taps.push(Taps { image, phases: 1, offsets, logits });
+            taps.push(Taps { image, phases: 1, offsets, logits, pitch: 0 });
         }
-        for part in [0, 16] {
-            weigh(l, &taps, levels.channels.mask(), y, x, part, &mut weights);
-            for channel in 0..values {
-                let value = weighted(l, &taps, channel, y, x, part, &weights);
-                l.store(value, line, channel * stride + x + part);
-            }
+        apply(l, &taps, levels.channels.mask(), 0..values, y, x, &mut weights, &mut values_of);
+        for (channel, from) in values_of.chunks_exact(SEGMENT).enumerate() {
+            line[channel * stride + x..][..SEGMENT].copy_from_slice(from);
         }
     }
 }
@@ -178,54 +172,36 @@ dispatch! {
 
 /// Two full-resolution rows of the core, (2, columns, values); `y` counts half-resolution rows of the region.
 #[inline(always)]
-fn full_row_body<L: Lanes>(l: L, levels: &Levels, half: &Planes, reach: &[Reach], albedo: &[Reach], y: usize, out: &mut [f32]) {
+fn full_row_body<L: Lanes>(l: L, levels: &Levels, half: &Planes, reach: &Reach, albedo: &Reach, y: usize, out: &mut [f32]) {
     let Tile { core, region } = levels.tile;
     let (level, channels, counts) = (&levels.pyramid.full, levels.channels, levels.predictor.taps);
     let values = channels.values;
-    let per_pixel = counts.centre + counts.coarse + counts.albedo;
+    let (pitch, pair_pitch) = (counts.centre + counts.coarse + counts.albedo, counts.neighbour + 1);
     let first = core.column - region.column;
     let mut logits = levels.predictor.full.buffers(levels.neighbours.len());
-    let most = per_pixel + (counts.neighbour + 1) * levels.neighbours.len();
-    let mut weights = vec![0.0; 16 * most];
+    let mut weights = Weights::default();
+    let mut modulation = vec![0.0; 3 * FULL_PHASES * SEGMENT];
     let mut line = vec![0.0; values * FULL_PHASES * SEGMENT];
+    let (image, phases) = (&level.centre, FULL_PHASES);
     for x in (first..first + core.columns).step_by(SEGMENT) {
         levels.predictor.full.predict(l, levels.half, levels.neighbours, region, y, x, &mut logits);
-        for phase in 0..FULL_PHASES {
-            let centre = &logits.centre[phase * per_pixel * SEGMENT..];
-            let coarse = &centre[counts.centre * SEGMENT..];
-            let pair = |n: usize| &logits.pairs[n][phase * (counts.neighbour + 1) * SEGMENT..];
-            let mut taps =
-                vec![Taps { image: &level.centre, phases: FULL_PHASES, offsets: &reach[phase].centre, logits: centre }];
-            let mut albedo_taps = vec![Taps {
-                image: &level.centre,
-                phases: FULL_PHASES,
-                offsets: &albedo[phase].centre,
-                logits: &coarse[counts.coarse * SEGMENT..],
-            }];
-            for (n, image) in level.neighbours.iter().enumerate() {
-                taps.push(Taps { image, phases: FULL_PHASES, offsets: &reach[phase].neighbours[n], logits: pair(n) });
-                let logits = &pair(n)[counts.neighbour * SEGMENT..];
-                albedo_taps.push(Taps { image, phases: FULL_PHASES, offsets: &albedo[phase].neighbours[n], logits });
-            }
-            let coarse_taps =
-                reach[phase].coarse.as_deref().map(|offsets| Taps { image: half, phases: 1, offsets, logits: coarse });
-            taps.extend(coarse_taps);
-            for part in [0, 16] {
-                weigh(l, &albedo_taps, channels.mask(), y, x, part, &mut weights);
-                let mut modulation = [l.splat(0.0); 3];
-                for (c, m) in modulation.iter_mut().enumerate() {
-                    *m = weighted(l, &albedo_taps, channels.modulation() + c, y, x, part, &weights);
-                }
-                weigh(l, &taps, channels.mask(), y, x, part, &mut weights);
-                for channel in 0..values {
-                    let value = weighted(l, &taps, channel, y, x, part, &weights);
-                    let value = match channels.modulated_by(channel) {
-                        Some(c) => l.mul(value, modulation[c]),
-                        None => value,
-                    };
-                    l.store(value, &mut line, (channel * FULL_PHASES + phase) * SEGMENT + part);
-                }
-            }
+        let coarse = &logits.centre[counts.centre * SEGMENT..];
+        let of_albedo = &coarse[counts.coarse * SEGMENT..];
+        let mut taps = vec![Taps { image, phases, offsets: &reach.centre, logits: &logits.centre, pitch }];
+        let mut albedo_taps = vec![Taps { image, phases, offsets: &albedo.centre, logits: of_albedo, pitch }];
+        for (n, (image, logits)) in level.neighbours.iter().zip(&logits.pairs).enumerate() {
+            taps.push(Taps { image, phases, offsets: &reach.neighbours[n], logits, pitch: pair_pitch });
+            let logits = &logits[counts.neighbour * SEGMENT..];
+            albedo_taps.push(Taps { image, phases, offsets: &albedo.neighbours[n], logits, pitch: pair_pitch });
+        }
+        taps.push(Taps { image: half, phases: 1, offsets: &reach.coarse, logits: coarse, pitch });
+        let albedo_channels = channels.modulation()..channels.modulation() + 3;
+        apply(l, &albedo_taps, channels.mask(), albedo_channels, y, x, &mut weights, &mut modulation);
+        apply(l, &taps, channels.mask(), 0..values, y, x, &mut weights, &mut line);
+        for (channel, line) in line.chunks_exact_mut(FULL_PHASES * SEGMENT).enumerate() {
+            let Some(c) = channels.modulated_by(channel) else { continue };
+            let modulation = &modulation[c * FULL_PHASES * SEGMENT..][..FULL_PHASES * SEGMENT];
+            line.iter_mut().zip(modulation).for_each(|(v, m)| *v *= m);
         }
         interleave(&line, values, x - first, core.columns, out);
     }
@@ -246,7 +222,7 @@ fn interleave(line: &[f32], values: usize, x: usize, columns: usize, out: &mut [
 }
 
 dispatch! {
-    fn full_row(levels: &Levels, half: &Planes, reach: &[Reach], albedo: &[Reach], y: usize, out: &mut [f32]) = full_row_body
+    fn full_row(levels: &Levels, half: &Planes, reach: &Reach, albedo: &Reach, y: usize, out: &mut [f32]) = full_row_body
 }
 
 /// The images of all levels of a region.

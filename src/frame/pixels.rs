@@ -1,0 +1,30 @@
+//! Interleaved pixels in memory that is kept for the next frame.
+
+use std::ops::{Deref, DerefMut};
+
+use crate::simd::buffer::Buffer;
+
+/// A run of pixels of `N` floats each.
+pub struct Pixels<const N: usize>(Buffer);
+
+impl<const N: usize> Pixels<N> {
+    /// `count` pixels whose values are unspecified.
+    pub fn unspecified(count: usize) -> Self {
+        let mut buffer = Buffer::empty();
+        buffer.reset(count * N);
+        Self(buffer)
+    }
+}
+
+impl<const N: usize> Deref for Pixels<N> {
+    type Target = [[f32; N]];
+    fn deref(&self) -> &Self::Target {
+        self.0.as_slice().as_chunks().0
+    }
+}
+
+impl<const N: usize> DerefMut for Pixels<N> {
+    fn deref_mut(&mut self) -> &mut Self::Target {
+        self.0.as_mut_slice().as_chunks_mut().0
+    }
+}
