@@ -47,8 +47,13 @@ fn every_size_works() {
     }
 }
 
+/// Whether a frame's pixel, (frame, row, column), is spoilt.
+type Pattern = fn(usize, usize, usize) -> bool;
+/// Gives a frame a pass of a number of rows and columns.
+type Change = fn(&mut Frame, usize, usize);
+
 /// Whose pixels are spoilt: some of all frames, all of the centre, all of the neighbours, all.
-fn patterns() -> [(&'static str, fn(usize, usize, usize) -> bool); 4] {
+fn patterns() -> [(&'static str, Pattern); 4] {
     [
         ("scattered", |t, y, x| random(t as u64 ^ 0xabc, y, x, 0) < 0.3),
         ("centre", |t, _, _| t == 2),
@@ -269,7 +274,7 @@ fn wrong_sizes_and_channels_are_refused() {
         let error = refused("colour", Frame::new(Array3::zeros((4, 4, channels))));
         assert!(matches!(&error, Error::BadInput { input, .. } if input == "colour"), "{error}");
     }
-    let changes: [(&str, fn(&mut Frame, usize, usize)); 6] = [
+    let changes: [(&str, Change); 6] = [
         ("albedo", |f, r, c| f.albedo = Some(Array3::zeros((r, c, 3)))),
         ("normal", |f, r, c| f.normal = Some(Array3::zeros((r, c, 3)))),
         ("vector", |f, r, c| f.vector = Some(Array3::zeros((r, c, 4)))),
