@@ -27,7 +27,7 @@ const TILE_MEMORY: u64 = 1 << 30;
 pub struct Settings {
     /// Upper bound in bytes on the buffers of one tile; None is 1 GiB. Less memory means more tiles and the same bits.
     pub memory: Option<u64>,
-    /// The instruction set; None is the fastest.
+    /// The instruction set; None is the fastest. AVX2 and AVX-512 give the same bits, the portable path agrees to 1e-4.
     pub isa: Option<Isa>,
 }
 
@@ -68,6 +68,7 @@ pub struct Engine {
     temporal: Temporal,
     body: Body,
     predictor: Predictor,
+    features: usize,
     widths: [usize; 4],
     epsilon: f32,
     channels_per_pixel: usize,
@@ -94,6 +95,7 @@ impl Engine {
             temporal: Temporal::new(weights)?,
             body: Body::new(weights)?,
             predictor: Predictor::new(weights)?,
+            features: a.features,
             widths: [a.centre_taps, a.neighbour_taps, a.coarse_taps, a.albedo_taps],
             epsilon: a.albedo_epsilon,
             channels_per_pixel: 3 * a.half + a.quarter + a.eighth / 2,
@@ -117,13 +119,19 @@ impl Engine {
     ///
     /// `neighbours` are (offset, frame) with offset −3…3 except 0, in any order; a neighbour farther than one frame needs those
     /// between, to chain motion vectors through, and is left out without them, as is one of another size or with other AOVs.
-    /// `lambda` is in 1…64: greater is clamped, less or NaN refused.
+    /// `lambda` is in 1…64: greater is clamped, less or NaN refused. Frames encoded for a network of another width are refused.
     pub fn denoise(&self, centre: &EncodedFrame, neighbours: &[(i32, &EncodedFrame)], lambda: f32) -> Result<Denoised> {
         let (least, most) = LAMBDA_RANGE;
         if lambda.is_nan() || lambda < least {
             return Err(Error::BadSetting { name: "lambda", reason: format!("{lambda} is not in {least}…{most}") });
         }
         let lambda = lambda.min(most);
+        if neighbours.iter().map(|n| n.1).chain([centre]).any(|f| f.features.channels() != self.features) {
+            return Err(Error::BadInput {
+                input: "frame".into(),
+                reason: "was encoded for another network: encode it again".into(),
+            });
+        }
         let paths = paths(centre, neighbours);
         let packed = &centre.packed;
         let (half_rows, half_columns) = (packed.padded_rows / 2, packed.padded_columns / 2);
@@ -242,7 +250,7 @@ fn unpack(image: Array3<f32>, packed: &PackedFrame) -> Denoised {
         return Denoised { colour: image, alpha: None, aovs: Vec::new() };
     }
     let image = image.slice(s![..packed.rows, ..packed.columns, ..]);
-    let alpha = packed.has_alpha.then(|| image.slice(s![.., .., 3]).to_owned());
+    let alpha = packed.has_alpha.then(|| image.slice(s![.., .., 3]).mapv(|a| a.clamp(0.0, 1.0)));
     let first = 3 + usize::from(packed.has_alpha);
     let aov = |(i, name): (usize, &String)| Aov {
         name: name.clone(),

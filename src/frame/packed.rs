@@ -16,6 +16,8 @@ pub const ALIGNMENT: usize = 8;
 const BRIGHTEST: f32 = 1e35;
 /// Depths from here on are background (Cycles' Depth pass has 1e10).
 const BACKGROUND_DEPTH: f32 = 1e9;
+/// Nearer is no depth either: one over the mean depth, and any depth times it, must be finite.
+const NEAREST_DEPTH: f32 = 1e-20;
 
 /// Lane of the first demodulated colour channel.
 pub const COLOUR: usize = 0;
@@ -101,7 +103,7 @@ impl PackedFrame {
                     let x = x.min(columns - 1);
                     let value = image.0[[y, x]];
                     let value = if value.is_finite() { value.clamp(-BRIGHTEST, BRIGHTEST) } else { 0.0 };
-                    lanes[lane] = image.1.map_or(value, |c| value / base[y * padded_columns + x][MODULATION + c]);
+                    lanes[lane] = image.1.map_or(value.clamp(0.0, 1.0), |c| value / base[y * padded_columns + x][MODULATION + c]);
                 }
             });
         }
@@ -139,7 +141,7 @@ fn pack_vectors(v: ArrayView3<f32>, padded_rows: usize, padded_columns: usize) -
 
 /// A depth in front of the background, else 0.
 fn front(z: f32) -> f32 {
-    if z > 0.0 && z < BACKGROUND_DEPTH { z } else { 0.0 }
+    if z > NEAREST_DEPTH && z < BACKGROUND_DEPTH { z } else { 0.0 }
 }
 
 /// One over the mean of the depths in front of the background, where the colour is finite; 1 where there are none.
@@ -196,6 +198,18 @@ mod tests {
         assert_eq!(invalid, 64 - 15 + 2);
         assert_eq!(packed.groups[0][0][COLOUR + 2], 0.0);
         assert!(packed.groups[0].iter().flatten().all(|v| v.is_finite()));
+    }
+
+    #[test]
+    fn every_lane_is_finite_whatever_the_depth() {
+        for (near, far) in [(1e-40, 1e-40), (1e-38, 1e8), (1e-19, 9.9e8), (f32::NAN, f32::INFINITY), (-1.0, 1e10)] {
+            let mut frame = Frame::new(Array3::from_elem((9, 9, 3), 0.5));
+            frame.depth = Some(Array2::from_shape_fn((9, 9), |(_, x)| if x == 4 { far } else { near }));
+            // Depths at bad colours do not count towards the mean, but are there.
+            frame.colour.slice_mut(ndarray::s![.., 4, ..]).fill(f32::NAN);
+            let (packed, _) = PackedFrame::new(frame, 0.05).unwrap();
+            assert!(packed.groups[0].iter().flatten().all(|v| v.is_finite()), "{near} and {far}");
+        }
     }
 
     #[test]

@@ -1,0 +1,282 @@
+//! What must hold for every image, window and λ, whatever the weights; and that neighbours help with the trained ones.
+
+mod engine_support;
+
+use std::sync::LazyLock;
+
+use engine_support::*;
+use hush::{Denoised, Engine, Error, Frame, Settings};
+use ndarray::{Array2, Array3};
+use proptest::prelude::*;
+
+static SMALL: LazyLock<Engine> = LazyLock::new(small);
+
+/// A seed, a size, the frames of a run and which of them is denoised.
+fn runs() -> impl Strategy<Value = (u64, usize, usize, usize, usize)> {
+    (any::<u64>(), 1..20usize, 1..20usize, 1..=7usize)
+        .prop_flat_map(|(seed, rows, columns, frames)| (Just(seed), Just(rows), Just(columns), Just(frames), 0..frames))
+}
+
+fn lambdas() -> impl Strategy<Value = f32> {
+    prop_oneof![Just(1.0f32), Just(64.0), 1.0f32..64.0]
+}
+
+/// NaN and infinity at some pixels, none beside another, none in the first row and column.
+fn spoil(frame: &mut Frame, seed: u64) {
+    let (rows, columns) = frame.size();
+    for y in (1..rows).step_by(3) {
+        for x in (1..columns).step_by(3) {
+            match random(seed ^ 0x99, y, x, 0) {
+                v if v < 0.2 => frame.colour[[y, x, 0]] = f32::NAN,
+                v if v < 0.4 => frame.colour[[y, x, 2]] = f32::INFINITY,
+                _ => {}
+            }
+        }
+    }
+}
+
+/// The range of each channel over the usable pixels of the frames.
+fn hull<'a>(frames: impl IntoIterator<Item = &'a Frame>) -> [(f32, f32); 3] {
+    let mut out = [(f32::INFINITY, 0.0f32); 3];
+    for frame in frames {
+        for pixel in frame.colour.lanes(ndarray::Axis(2)) {
+            if pixel.iter().all(|v| v.is_finite()) {
+                out.iter_mut().zip(pixel).for_each(|(r, v)| *r = (r.0.min(*v), r.1.max(*v)));
+            }
+        }
+    }
+    out
+}
+
+fn assert_inside(denoised: &Denoised, hull: [(f32, f32); 3]) {
+    for ((y, x, c), v) in denoised.colour.indexed_iter() {
+        let (low, high) = hull[c];
+        assert!(*v >= low * (1.0 - 1e-5) && *v <= high * (1.0 + 1e-5), "{v} at {y}, {x}, {c} is not in {low}…{high}");
+    }
+}
+
+/// The largest difference of two results relative to each value.
+fn relative(a: &Array3<f32>, b: &Array3<f32>) -> f32 {
+    a.iter().zip(b).map(|(a, b)| (a - b).abs() / a.abs().max(b.abs()).max(f32::MIN_POSITIVE)).fold(0.0, f32::max)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..Default::default() })]
+
+    #[test]
+    fn the_output_never_leaves_the_range_of_the_window(
+        (seed, rows, columns, count, centre) in runs(), window in 0..=3usize, lambda in lambdas(),
+        albedo in proptest::option::of(0.0f32..1.0),
+    ) {
+        let frames: Vec<Frame> = (0..count as u64).map(|t| {
+            let mut frame = plain(seed.wrapping_add(t), rows, columns);
+            frame.albedo = albedo.map(|a| Array3::from_elem((rows, columns, 3), a));
+            spoil(&mut frame, seed.wrapping_add(t));
+            frame
+        }).collect();
+        let encoded = encode(&SMALL, frames.iter().cloned());
+        let denoised = denoise(&SMALL, &encoded, centre, window, lambda);
+        assert_sane("convex", &denoised, rows, columns);
+        let seen = &frames[centre.saturating_sub(window)..count.min(centre + window + 1)];
+        assert_inside(&denoised, hull(seen));
+    }
+
+    #[test]
+    fn a_constant_stays_constant(
+        (seed, rows, columns, count, centre) in runs(), lambda in lambdas(), value in prop::array::uniform3(1e-3f32..1e3),
+        albedo in proptest::option::of(0.0f32..1.0),
+    ) {
+        let frames = (0..count as u64).map(|t| {
+            let mut frame = guided(seed.wrapping_add(t), rows, columns);
+            frame.colour = Array3::from_shape_fn((rows, columns, 3), |(_, _, c)| value[c]);
+            frame.albedo = albedo.map(|a| Array3::from_elem((rows, columns, 3), a));
+            frame
+        });
+        let denoised = denoise(&SMALL, &encode(&SMALL, frames), centre, 3, lambda);
+        assert_inside(&denoised, value.map(|v| (v, v)));
+    }
+
+    #[test]
+    fn brightness_passes_through((seed, rows, columns, count, centre) in runs(), lambda in lambdas(), k in -10..=10i32) {
+        let scale = 2.0f32.powi(k);
+        let frames: Vec<Frame> = (0..count as u64).map(|t| full(seed.wrapping_add(t), rows, columns)).collect();
+        let brighter = frames.iter().cloned().map(|mut f| {
+            f.colour *= scale;
+            f.aovs.iter_mut().for_each(|a| a.image *= scale);
+            f
+        });
+        let base = denoise(&SMALL, &encode(&SMALL, frames.iter().cloned()), centre, 2, lambda);
+        let other = denoise(&SMALL, &encode(&SMALL, brighter), centre, 2, lambda);
+        let off = relative(&(&base.colour * scale), &other.colour);
+        prop_assert!(off <= 1e-5, "colour off by {off}");
+        for (a, b) in base.aovs.iter().zip(&other.aovs) {
+            let off = relative(&(&a.image * scale), &b.image);
+            prop_assert!(off <= 1e-5, "{} off by {off}", a.name);
+        }
+    }
+
+    #[test]
+    fn alpha_stays_alpha((seed, rows, columns, count, centre) in runs(), lambda in lambdas(), opaque in any::<bool>()) {
+        let frames = (0..count as u64).map(|t| {
+            let mut frame = full(seed.wrapping_add(t), rows, columns);
+            if opaque {
+                frame.alpha = Some(Array2::ones((rows, columns)));
+            }
+            frame
+        });
+        let denoised = denoise(&SMALL, &encode(&SMALL, frames), centre, 3, lambda);
+        assert_sane("alpha", &denoised, rows, columns);
+        let alpha = denoised.alpha.unwrap();
+        prop_assert_eq!(alpha.dim(), (rows, columns));
+        prop_assert!(!opaque || alpha.iter().all(|a| *a > 1.0 - 1e-5));
+    }
+
+    #[test]
+    fn light_passes_recombine((seed, rows, columns, count, centre) in runs(), lambda in lambdas(), parts in 1..=5usize) {
+        let frames = (0..count as u64).map(|t| {
+            let mut frame = guided(seed.wrapping_add(t), rows, columns);
+            split(&mut frame, seed, parts);
+            frame
+        });
+        let denoised = denoise(&SMALL, &encode(&SMALL, frames), centre, 2, lambda);
+        prop_assert_eq!(denoised.aovs.len(), parts);
+        for (at, v) in denoised.colour.indexed_iter() {
+            let (y, x, _) = at;
+            let magnitude = denoised.colour.slice(ndarray::s![y, x, ..]).iter().fold(0.0f32, |m, v| m.max(*v));
+            let sum: f32 = denoised.aovs.iter().map(|a| a.image[at]).sum();
+            prop_assert!((sum - v).abs() <= 1e-4 * magnitude, "{sum} and {v} at {at:?}");
+        }
+    }
+
+    #[test]
+    fn any_lambda_gives_an_image((seed, rows, columns, count, centre) in runs(), lambda in 1.0f32..=64.0) {
+        let frames = (0..count as u64).map(|t| full(seed.wrapping_add(t), rows, columns));
+        assert_sane("lambda", &denoise(&SMALL, &encode(&SMALL, frames), centre, 3, lambda), rows, columns);
+    }
+}
+
+#[test]
+fn brightness_passes_through_the_embedded_model_and_so_does_distance() {
+    let engine = Engine::new(Settings::default()).unwrap();
+    let run = |scale: f32, depth: f32| {
+        let frames = (0..5).map(|t| {
+            let mut frame = guided(t, 24, 40);
+            frame.colour *= scale;
+            frame.depth = frame.depth.map(|d| d * depth);
+            frame
+        });
+        denoise(&engine, &encode(&engine, frames), 2, 2, 1.0).colour
+    };
+    let base = run(1.0, 1.0);
+    for k in [-10, -3, 5, 10] {
+        let off = relative(&(&base * 2.0f32.powi(k)), &run(2.0f32.powi(k), 1.0));
+        assert!(off <= 1e-5, "2^{k}: off by {off}");
+    }
+    for k in [-40, -10, 3, 20] {
+        let off = relative(&base, &run(1.0, 2.0f32.powi(k)));
+        assert!(off <= 1e-5, "depth 2^{k}: off by {off}");
+    }
+}
+
+#[test]
+fn lambda_outside_its_range_is_refused_below_and_clamped_above() {
+    let frames = encode(&SMALL, (0..3).map(|t| full(t, 13, 21)));
+    for lambda in [f32::NAN, 0.5, -1.0, 0.0, f32::NEG_INFINITY, 1.0 - f32::EPSILON] {
+        let refused = SMALL.denoise(&frames[1], &around(&frames, 1, 1), lambda);
+        assert!(matches!(refused, Err(Error::BadSetting { name: "lambda", .. })), "{lambda}");
+    }
+    let most = bits(&denoise(&SMALL, &frames, 1, 1, 64.0));
+    assert_eq!(bits(&denoise(&SMALL, &frames, 1, 1, 1000.0)), most);
+    assert_eq!(bits(&denoise(&SMALL, &frames, 1, 1, f32::INFINITY)), most);
+    assert_ne!(bits(&denoise(&SMALL, &frames, 1, 1, 1.0)), most);
+}
+
+/// Vectors of an image that moves `step` pixels (right, down) a frame.
+fn moving(step: (f32, f32), rows: usize, columns: usize) -> Array3<f32> {
+    // Cycles: where the point was, then where it came from in the next frame, y up.
+    Array3::from_shape_fn((rows, columns, 4), |(_, _, c)| [-step.0, step.1, -step.0, step.1][c])
+}
+
+#[test]
+fn a_point_is_looked_for_where_its_vectors_say() {
+    // The centre has no usable pixel, so each output is a mean of 3×3 pixels of the neighbour around the point.
+    let (rows, columns) = (24, 32);
+    let ramp = Array3::from_shape_fn((rows, columns, 3), |(y, x, c)| [1.0 + x as f32, 1.0 + y as f32, 1.0][c]);
+    for (offset, vector, (dx, dy)) in [
+        (-1, [5.0, 7.0, 100.0, 100.0], (5i32, -7i32)),
+        (-1, [-6.0, -4.0, 100.0, 100.0], (-6, 4)),
+        (1, [100.0, 100.0, 5.0, 7.0], (-5, 7)),
+        (1, [100.0, 100.0, -6.0, -4.0], (6, -4)),
+    ] {
+        let mut centre = Frame::new(Array3::from_elem((rows, columns, 3), f32::NAN));
+        centre.vector = Some(Array3::from_shape_fn((rows, columns, 4), |(_, _, c)| vector[c]));
+        let centre = SMALL.encode(centre).unwrap();
+        let mut neighbour = Frame::new(ramp.clone());
+        neighbour.vector = Some(Array3::zeros((rows, columns, 4)));
+        let neighbour = SMALL.encode(neighbour).unwrap();
+        let image = SMALL.denoise(&centre, &[(offset, &neighbour)], 1.0).unwrap().colour;
+        let mut seen = 0;
+        for y in 0..rows as i32 {
+            for x in 0..columns as i32 {
+                let (px, py) = (x + dx, y + dy);
+                if (1..columns as i32 - 1).contains(&px) && (1..rows as i32 - 1).contains(&py) {
+                    let found = [image[[y as usize, x as usize, 0]] - 1.0, image[[y as usize, x as usize, 1]] - 1.0];
+                    let near = |v: f32, at: i32| (v - at as f32).abs() <= 1.001;
+                    assert!(near(found[0], px) && near(found[1], py), "{offset}: {found:?} at {x}, {y}, not {px}, {py}");
+                    seen += 1;
+                }
+            }
+        }
+        assert!(seen > 200, "{seen}");
+    }
+}
+
+/// Mean relative error of the inside of an image.
+fn error(image: &Array3<f32>, clean: &Array3<f32>) -> f32 {
+    let (rows, columns, _) = clean.dim();
+    let inside = ndarray::s![12..rows - 12, 12..columns - 12, ..];
+    let (image, clean) = (image.slice(inside), clean.slice(inside));
+    let sum: f32 = image.iter().zip(&clean).map(|(a, b)| (a - b).abs() / (a.abs() + b.abs() + 0.01)).sum();
+    sum / image.len() as f32
+}
+
+#[test]
+fn neighbours_of_a_moving_pattern_help_and_only_with_the_right_vectors() {
+    let engine = Engine::new(Settings::default()).unwrap();
+    let (rows, columns, step) = (80, 96, (3.0f32, -2.0f32));
+    let clean = |t: i32| {
+        Array3::from_shape_fn((rows, columns, 3), |(y, x, c)| {
+            let (u, v) = (x as f32 - step.0 * t as f32, y as f32 - step.1 * t as f32);
+            let checker = if ((u / 7.0).floor() + (v / 5.0).floor()).rem_euclid(2.0) > 0.5 { 0.8 } else { 0.15 };
+            checker * (1.0 + 0.3 * (0.4 * u + c as f32).sin() * (0.3 * v).cos())
+        })
+    };
+    // Independent exponential noise: what one or two samples of a light give.
+    let noisy = |t: i32, c: &Array3<f32>| {
+        let seed = 1000 + t as u64;
+        let light = |y, x| -0.5 * (random(seed, y, x, 0).max(1e-6).ln() + random(seed, y, x, 1).max(1e-6).ln());
+        Array3::from_shape_fn(c.dim(), |(y, x, ch)| c[[y, x, ch]] * light(y, x))
+    };
+    let run = |vectors: Array3<f32>| {
+        encode(
+            &engine,
+            (0..5).map(|t| {
+                let mut frame = Frame::new(noisy(t, &clean(t)));
+                frame.vector = Some(vectors.clone());
+                frame
+            }),
+        )
+    };
+    let frames = run(moving(step, rows, columns));
+    let truth = clean(2);
+    let at = |frames: &[hush::EncodedFrame], window| error(&denoise(&engine, frames, 2, window, 1.0).colour, &truth);
+    let (noise, alone, with) = (error(&noisy(2, &truth), &truth), at(&frames, 0), at(&frames, 2));
+    let wrong = at(&run(-moving(step, rows, columns)), 2);
+    let upside_down = at(&run(moving((step.0, -step.1), rows, columns)), 2);
+    let mirrored = at(&run(moving((-step.0, step.1), rows, columns)), 2);
+    println!("noisy {noise} window 0 {alone} window 2 {with} wrong {wrong} upside down {upside_down} mirrored {mirrored}");
+    assert!(with < alone && alone < noise, "window 2 {with}, window 0 {alone}, noisy {noise}");
+    for (what, other) in [("negated", wrong), ("upside down", upside_down), ("mirrored", mirrored)] {
+        assert!(with < other, "right {with}, {what} {other}");
+    }
+}
