@@ -9,6 +9,7 @@ use crate::kernels::Channels;
 use crate::kernels::planes::Planes;
 use crate::network::body::Body;
 use crate::network::encoder::Encoder;
+use crate::network::features::Features;
 use crate::network::levels::{Levels, Margins, kernel_reach, pyramid_of};
 use crate::network::pairs::Neighbour;
 use crate::network::predictor::Predictor;
@@ -19,13 +20,16 @@ use crate::plan::tiles::{Tile, tiles};
 use crate::plan::window::{LAMBDA_RANGE, MAX_WINDOW};
 use crate::simd::{Activation, Isa};
 
-/// What one tile may take where nothing is said: a whole 1080p frame with a ±2 window, about.
-const TILE_MEMORY: u64 = 1 << 30;
+/// What the frames in the window and one tile may take together where nothing is said.
+const MEMORY: u64 = 3400 << 20;
+/// What one tile takes at most and at least, whatever is allowed: a whole 1080p frame with a ±2 window takes about the most.
+const TILE_MEMORY: (u64, u64) = (320 << 20, 1 << 30);
 
 /// How to denoise.
 #[derive(Clone, Debug, Default)]
 pub struct Settings {
-    /// Upper bound in bytes on the buffers of one tile; None is 1 GiB. Less memory means more tiles and the same bits.
+    /// Bytes that the frames in the window and the buffers of one tile may take together; None is 3.3 GiB, and 320 MiB for a tile
+    /// in any case. Less memory means more and smaller tiles, and the same bits.
     pub memory: Option<u64>,
     /// The instruction set; None is the fastest. AVX2 and AVX-512 give the same bits, the portable path agrees to 1e-4.
     pub isa: Option<Isa>,
@@ -34,13 +38,13 @@ pub struct Settings {
 /// A frame as the engine keeps it while it is in the window.
 pub struct EncodedFrame {
     packed: PackedFrame,
-    features: Activation,
+    features: Features,
 }
 
 impl EncodedFrame {
     /// Bytes that this frame holds.
     pub fn bytes(&self) -> usize {
-        self.packed.bytes() + 4 * self.features.as_slice().len()
+        self.packed.bytes() + self.features.bytes()
     }
 
     /// Whether the frame came with motion vectors.
@@ -126,7 +130,7 @@ impl Engine {
             return Err(Error::BadSetting { name: "lambda", reason: format!("{lambda} is not in {least}…{most}") });
         }
         let lambda = lambda.min(most);
-        if neighbours.iter().map(|n| n.1).chain([centre]).any(|f| f.features.channels() != self.features) {
+        if neighbours.iter().map(|n| n.1).chain([centre]).any(|f| f.features.shape().2 != self.features) {
             return Err(Error::BadInput {
                 input: "frame".into(),
                 reason: "was encoded for another network: encode it again".into(),
@@ -137,7 +141,10 @@ impl Engine {
         let (half_rows, half_columns) = (packed.padded_rows / 2, packed.padded_columns / 2);
         let channels = Channels::new(packed.extra, packed.has_alpha);
         let halo = self.body.halo(kernel_reach(self.widths));
-        let area = self.settings.memory.unwrap_or(TILE_MEMORY) as usize / self.bytes_per_pixel(&channels, paths.len());
+        let window: usize = neighbours.iter().map(|n| n.1.bytes()).sum::<usize>() + centre.bytes();
+        let left = |allowed: u64| allowed.saturating_sub(window as u64).min(TILE_MEMORY.1);
+        let tile = self.settings.memory.map_or(left(MEMORY).max(TILE_MEMORY.0), left) as usize;
+        let area = tile / self.bytes_per_pixel(&channels, paths.len());
         let tiles = tiles(half_rows, half_columns, halo, area);
         if let [whole] = tiles[..] {
             return Ok(unpack(self.tile(centre, &paths, whole, channels, lambda).image, packed));

@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::features::Features;
 use super::residual::Residual;
 use super::weights::Weights;
 use crate::error::Result;
@@ -11,6 +12,11 @@ use crate::simd::{Activation, Conv, Epilogue, Isa};
 
 /// Channels at full resolution: log colour 3, albedo 3, normal 3, log depth 1.
 const INPUTS: usize = 10;
+
+/// Half-resolution rows around a strip that its features depend on: four 3×3 convolutions.
+const HALO: usize = 4;
+/// Half-resolution pixels of a strip: a 1080p frame is one.
+const STRIP_AREA: usize = 600_000;
 
 /// The renderer-specific part of the network.
 pub struct Encoder {
@@ -30,28 +36,34 @@ impl Encoder {
         Ok(Self { first, second, block: Residual::new(weights, "encoder.block", width)? })
     }
 
-    /// Features (padded rows / 2, padded columns / 2, features) of a frame.
-    pub fn run(&self, isa: Isa, frame: &PackedFrame, guides: &Guides) -> Activation {
-        let inputs = inputs(isa, frame, guides);
+    /// Features (padded rows / 2, padded columns / 2, features) of a frame, computed in strips that bound the memory.
+    pub fn run(&self, isa: Isa, frame: &PackedFrame, guides: &Guides) -> Features {
+        let (rows, columns) = (frame.padded_rows / 2, frame.padded_columns / 2);
+        let step = (STRIP_AREA / columns).clamp(1, rows);
+        let mut features = Features::new(rows, columns, self.second.output_channels());
         let (mut hidden, mut out) = (Activation::empty(), Activation::empty());
-        self.first.run(isa, &inputs, &mut hidden, Epilogue { relu_output: true, ..Default::default() });
-        drop(inputs);
-        self.second.run(isa, &hidden, &mut out, Epilogue::default());
-        self.block.run(isa, &mut out, &mut hidden);
-        out
+        for first in (0..rows).step_by(step) {
+            let (start, end) = (first.saturating_sub(HALO), (first + step + HALO).min(rows));
+            let inputs = inputs(isa, frame, guides, start..end);
+            self.first.run(isa, &inputs, &mut hidden, Epilogue { relu_output: true, ..Default::default() });
+            self.second.run(isa, &hidden, &mut out, Epilogue::default());
+            self.block.run(isa, &mut out, &mut hidden);
+            features.put(&out, first - start, step.min(rows - first), first);
+        }
+        features
     }
 }
 
-/// The encoder's input, the 2×2 pixels of a half-resolution pixel side by side: channel c·4 + 2·(row & 1) + (column & 1).
-fn inputs(isa: Isa, frame: &PackedFrame, guides: &Guides) -> Activation {
-    let (half_rows, half_columns) = (frame.padded_rows / 2, frame.padded_columns / 2);
+/// The encoder's input in some half-resolution rows, the 2×2 pixels of a half-resolution pixel side by side: channel c·4 + 2·(row & 1) + (column & 1).
+fn inputs(isa: Isa, frame: &PackedFrame, guides: &Guides, rows: std::ops::Range<usize>) -> Activation {
+    let half_columns = frame.padded_columns / 2;
     let columns = frame.padded_columns;
     let mut out = Activation::empty();
-    out.reset(half_rows, half_columns, 4 * INPUTS);
+    out.reset(rows.len(), half_columns, 4 * INPUTS);
     out.as_mut_slice().par_chunks_mut(half_columns * 4 * INPUTS).enumerate().for_each(|(hy, row)| {
         let mut logs = vec![0.0; 4 * columns];
         for dy in 0..2 {
-            let y = 2 * hy + dy;
+            let y = 2 * (rows.start + hy) + dy;
             let pixels = &frame.groups[0][y * columns..][..columns];
             for (x, lanes) in pixels.iter().enumerate() {
                 for c in 0..3 {

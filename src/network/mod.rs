@@ -2,6 +2,7 @@
 
 pub mod body;
 pub mod encoder;
+pub mod features;
 pub mod levels;
 pub mod pairs;
 pub mod predictor;

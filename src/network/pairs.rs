@@ -1,8 +1,8 @@
 //! What the network knows of a neighbour at a pixel: its features warped to the centre frame, and the extras.
 
+use super::features::{Channels16, Features, Stored};
 use super::warp::{Corners, EXTRAS, Warped};
 use crate::plan::tiles::Rect;
-use crate::simd::Activation;
 use crate::simd::dense::SEGMENT;
 use crate::simd::lanes::Lanes;
 
@@ -10,23 +10,42 @@ use crate::simd::lanes::Lanes;
 #[derive(Clone, Copy)]
 pub struct Neighbour<'a> {
     /// The neighbour's features over its whole frame.
-    pub features: &'a Activation,
+    pub features: &'a Features,
     pub warped: &'a Warped,
 }
 
-/// Copies 32 pixels of an image to [channel][32]; pixels past the row's end repeat its last. ReLU where asked.
+/// Copies 32 pixels of a row to [channel][32]; pixels past the row's end repeat its last. ReLU where asked.
 #[inline(always)]
-pub fn segment_of<L: Lanes>(l: L, row: &[f32], channels: usize, x: usize, relu: bool, out: &mut [f32]) {
-    let last = row.len() / channels - 1;
+pub fn segment_of<L: Lanes, S: Channels16>(l: L, row: Row<S>, channels: usize, x: usize, relu: bool, out: &mut [f32]) {
     let low = l.splat(if relu { 0.0 } else { f32::NEG_INFINITY });
     let mut block = [low; 16];
     for part in (0..SEGMENT).step_by(16) {
         for first in (0..channels).step_by(16) {
             for p in 0..16 {
-                block[p] = l.max(l.load(row, (x + part + p).min(last) * channels + first), low);
+                let pixel = (x + part + p).min(row.columns - 1);
+                block[p] = l.max(row.values.lanes(l, row.start + pixel * channels + first), low);
             }
             store_columns(l, block, first, part, out);
         }
+    }
+}
+
+/// A row of an image of many channels: `columns` pixels from `values[start]` on.
+#[derive(Clone, Copy)]
+pub struct Row<S> {
+    pub values: S,
+    pub start: usize,
+    pub columns: usize,
+}
+
+/// [`segment_of`] a row of a frame's features, without ReLU: columns `x`… of the region, row `y`.
+#[inline(always)]
+pub fn features_of<L: Lanes>(l: L, features: &Features, region: Rect, y: usize, x: usize, out: &mut [f32]) {
+    let (_, columns, channels) = features.shape();
+    let start = ((region.row + y) * columns + region.column) * channels;
+    match features.stored() {
+        Stored::Full(values) => segment_of(l, Row { values, start, columns: region.columns }, channels, x, false, out),
+        Stored::Compact(values) => segment_of(l, Row { values, start, columns: region.columns }, channels, x, false, out),
     }
 }
 
@@ -42,8 +61,15 @@ fn store_columns<L: Lanes>(l: L, pixels: [L::V; 16], first: usize, part: usize, 
 /// [features + EXTRAS][32] of the neighbour at the region's half-resolution row `y`, columns `x`….
 #[inline(always)]
 pub fn gather<L: Lanes>(l: L, neighbour: Neighbour, region: Rect, y: usize, x: usize, out: &mut [f32]) {
+    match neighbour.features.stored() {
+        Stored::Full(values) => gather_from(l, values, neighbour, region, y, x, out),
+        Stored::Compact(values) => gather_from(l, values, neighbour, region, y, x, out),
+    }
+}
+
+#[inline(always)]
+fn gather_from<L: Lanes, S: Channels16>(l: L, features: S, neighbour: Neighbour, region: Rect, y: usize, x: usize, out: &mut [f32]) {
     let (_, columns, channels) = neighbour.features.shape();
-    let features = neighbour.features.as_slice();
     let mut block = [l.splat(0.0); 16];
     let mut index = [0; 16];
     let mut weight = [[0.0; 4]; 16];
@@ -60,10 +86,10 @@ pub fn gather<L: Lanes>(l: L, neighbour: Neighbour, region: Rect, y: usize, x: u
         for first in (0..channels).step_by(16) {
             for p in 0..16 {
                 let [upper, lower] = [index[p] + first, index[p] + columns * channels + first];
-                let sum = l.mul(l.splat(weight[p][0]), l.load(features, upper));
-                let sum = l.fma(l.splat(weight[p][1]), l.load(features, upper + channels), sum);
-                let sum = l.fma(l.splat(weight[p][2]), l.load(features, lower), sum);
-                block[p] = l.fma(l.splat(weight[p][3]), l.load(features, lower + channels), sum);
+                let sum = l.mul(l.splat(weight[p][0]), features.lanes(l, upper));
+                let sum = l.fma(l.splat(weight[p][1]), features.lanes(l, upper + channels), sum);
+                let sum = l.fma(l.splat(weight[p][2]), features.lanes(l, lower), sum);
+                block[p] = l.fma(l.splat(weight[p][3]), features.lanes(l, lower + channels), sum);
             }
             store_columns(l, block, first, part, out);
         }

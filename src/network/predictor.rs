@@ -2,7 +2,7 @@
 //!
 //! Logits live only as long as the segment's kernels are applied; a whole frame of them never exists.
 
-use super::pairs::{Neighbour, gather, gather_quarter, segment_of};
+use super::pairs::{Neighbour, Row, gather, gather_quarter, segment_of};
 use super::temporal::dense;
 use super::warp::EXTRAS;
 use super::weights::Weights;
@@ -129,7 +129,8 @@ impl Head {
         x: usize,
         out: &mut Logits,
     ) {
-        segment_of(l, features.row(y), self.width, x, true, &mut out.x);
+        let row = Row { values: features.row(y), start: 0, columns: features.columns() };
+        segment_of(l, row, self.width, x, true, &mut out.x);
         self.centre.run(l, &out.x, None, false, &mut out.centre);
         if neighbours.is_empty() {
             return;

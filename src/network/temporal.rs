@@ -4,7 +4,8 @@
 
 use rayon::prelude::*;
 
-use super::pairs::{Neighbour, gather, segment_of};
+use super::features::Features;
+use super::pairs::{Neighbour, features_of, gather};
 use super::warp::EXTRAS;
 use super::weights::Weights;
 use crate::error::Result;
@@ -42,7 +43,7 @@ impl Temporal {
     }
 
     /// The body's input over `region`, from the centre's features over the whole frame.
-    pub fn run(&self, isa: Isa, centre: &Activation, neighbours: &[Neighbour], region: Rect, out: &mut Activation) {
+    pub fn run(&self, isa: Isa, centre: &Features, neighbours: &[Neighbour], region: Rect, out: &mut Activation) {
         out.reset(region.rows, region.columns, self.width);
         out.as_mut_slice().par_chunks_mut(region.columns * self.width).enumerate().for_each(|(y, row)| {
             temporal_row(isa, self, centre, neighbours, region, y, row);
@@ -50,31 +51,24 @@ impl Temporal {
     }
 }
 
-/// The columns of a region in a row of the whole frame.
-pub(super) fn region_row(image: &Activation, region: Rect, y: usize) -> &[f32] {
-    let row = image.row(region.row + y);
-    &row[region.column * image.channels()..(region.column + region.columns) * image.channels()]
-}
-
 #[inline(always)]
 fn row_body<L: Lanes>(
     l: L,
     layers: &Temporal,
-    centre: &Activation,
+    centre: &Features,
     neighbours: &[Neighbour],
     region: Rect,
     y: usize,
     out: &mut [f32],
 ) {
     let (features, width) = (layers.features, layers.width);
-    let row = region_row(centre, region, y);
     let mut joined = vec![0.0; (features + width) * SEGMENT];
     let mut pair = vec![0.0; (features + EXTRAS) * SEGMENT];
     let mut base = vec![0.0; layers.centre.output_len()];
     let mut each = vec![0.0; layers.neighbour.output_len()];
     let mut mixed = vec![0.0; layers.mix.output_len()];
     for x in (0..region.columns).step_by(SEGMENT) {
-        segment_of(l, row, features, x, false, &mut joined);
+        features_of(l, centre, region, y, x, &mut joined);
         layers.centre.run(l, &joined, None, false, &mut base);
         joined[features * SEGMENT..].fill(0.0);
         let mut trust = [1.0f32; SEGMENT];
@@ -111,5 +105,5 @@ fn row_body<L: Lanes>(
 }
 
 dispatch! {
-    fn temporal_row(layers: &Temporal, centre: &Activation, neighbours: &[Neighbour], region: Rect, y: usize, out: &mut [f32]) = row_body
+    fn temporal_row(layers: &Temporal, centre: &Features, neighbours: &[Neighbour], region: Rect, y: usize, out: &mut [f32]) = row_body
 }

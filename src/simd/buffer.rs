@@ -8,8 +8,10 @@ use std::sync::{Mutex, PoisonError};
 
 /// Buffers from this many floats on are kept when they are dropped.
 const KEPT_FROM: usize = 1 << 18;
-/// At most this many floats are kept (1.5 GiB).
-const KEPT_TOTAL: usize = 384 << 20;
+/// Buffers up to this many floats are kept (128 MiB): those of very large frames are worth more as free memory.
+const KEPT_TO: usize = 32 << 20;
+/// At most this many floats are kept (1 GiB).
+const KEPT_TOTAL: usize = 256 << 20;
 
 static KEPT: Mutex<Vec<Buffer>> = Mutex::new(Vec::new());
 
@@ -106,7 +108,7 @@ impl Buffer {
 impl Drop for Buffer {
     fn drop(&mut self) {
         let buffer = std::mem::replace(self, Self::empty());
-        if buffer.capacity >= KEPT_FROM {
+        if (KEPT_FROM..=KEPT_TO).contains(&buffer.capacity) {
             let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
             if kept.iter().map(|b| b.capacity).sum::<usize>() + buffer.capacity <= KEPT_TOTAL {
                 kept.push(buffer);

@@ -4,6 +4,8 @@
 //! function compiled for it. Every operation rounds alike on AVX-512 and AVX2; the portable path has no fused multiply-add
 //! unless the target has, and agrees to a few units in the last place.
 
+use half::f16;
+
 /// Sixteen lanes of f32 and the operations that the kernels need.
 pub trait Lanes: Copy + Send + Sync {
     /// Sixteen f32.
@@ -13,6 +15,8 @@ pub trait Lanes: Copy + Send + Sync {
     fn splat(self, x: f32) -> Self::V;
     /// Sixteen floats from `from[at..]`; panics if they are not there.
     fn load(self, from: &[f32], at: usize) -> Self::V;
+    /// Sixteen half floats from `from[at..]`; panics if they are not there.
+    fn load_half(self, from: &[f16], at: usize) -> Self::V;
     /// Writes sixteen floats to `to[at..]`; panics if there is no room.
     fn store(self, v: Self::V, to: &mut [f32], at: usize);
     fn add(self, a: Self::V, b: Self::V) -> Self::V;
@@ -103,6 +107,14 @@ impl Lanes for Portable {
         *sixteen(from, at)
     }
     #[inline(always)]
+    fn load_half(self, from: &[f16], at: usize) -> Self::V {
+        let mut out = [0.0; 16];
+        for (to, from) in out.iter_mut().zip(&from[at..at + 16]) {
+            *to = from.to_f32();
+        }
+        out
+    }
+    #[inline(always)]
     fn store(self, v: Self::V, to: &mut [f32], at: usize) {
         to[at..at + 16].copy_from_slice(&v);
     }
@@ -181,13 +193,15 @@ pub use x86::{Avx2, Avx512};
 mod x86 {
     use std::arch::x86_64::*;
 
+    use half::f16;
+
     use super::{Lanes, SQRT_HALF, sixteen};
 
     /// Proof that the CPU has AVX-512F.
     #[derive(Clone, Copy, Debug)]
     pub struct Avx512(());
 
-    /// Proof that the CPU has AVX2 and FMA.
+    /// Proof that the CPU has AVX2, FMA and F16C.
     #[derive(Clone, Copy, Debug)]
     pub struct Avx2(());
 
@@ -201,7 +215,8 @@ mod x86 {
     impl Avx2 {
         /// The token, where the CPU has the instructions.
         pub fn new() -> Option<Self> {
-            (is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")).then_some(Self(()))
+            let has = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") && is_x86_feature_detected!("f16c");
+            has.then_some(Self(()))
         }
     }
 
@@ -223,6 +238,11 @@ mod x86 {
         fn load(self, from: &[f32], at: usize) -> __m512 {
             let p = sixteen(from, at).as_ptr();
             proven!(_mm512_loadu_ps(p))
+        }
+        #[inline(always)]
+        fn load_half(self, from: &[f16], at: usize) -> __m512 {
+            let p = from[at..at + 16].as_ptr();
+            proven!(_mm512_cvtph_ps(_mm256_loadu_si256(p.cast())))
         }
         #[inline(always)]
         fn store(self, v: __m512, to: &mut [f32], at: usize) {
@@ -344,6 +364,11 @@ mod x86 {
             both!(i => _mm256_loadu_ps(p.add(8 * i)))
         }
         #[inline(always)]
+        fn load_half(self, from: &[f16], at: usize) -> Self::V {
+            let p = from[at..at + 16].as_ptr();
+            both!(i => _mm256_cvtph_ps(_mm_loadu_si128(p.add(8 * i).cast())))
+        }
+        #[inline(always)]
         fn store(self, v: Self::V, to: &mut [f32], at: usize) {
             let p = to[at..at + 16].as_mut_ptr();
             both!(i => _mm256_storeu_ps(p.add(8 * i), v[i]));
@@ -445,12 +470,12 @@ macro_rules! dispatch {
             #[cfg(target_arch = "x86_64")]
             {
                 #[allow(clippy::too_many_arguments)]
-                #[target_feature(enable = "avx512f,avx2,fma")]
+                #[target_feature(enable = "avx512f,avx2,fma,f16c")]
                 fn avx512(lanes: $crate::simd::lanes::Avx512, $($arg: $ty),*) {
                     $body(lanes, $($arg),*)
                 }
                 #[allow(clippy::too_many_arguments)]
-                #[target_feature(enable = "avx2,fma")]
+                #[target_feature(enable = "avx2,fma,f16c")]
                 fn avx2(lanes: $crate::simd::lanes::Avx2, $($arg: $ty),*) {
                     $body(lanes, $($arg),*)
                 }
