@@ -21,14 +21,14 @@ use crate::plan::window::{LAMBDA_RANGE, MAX_WINDOW};
 use crate::simd::{Activation, Isa};
 
 /// What the frames in the window and one tile may take together where nothing is said.
-const MEMORY: u64 = 3400 << 20;
+const MEMORY: u64 = 2900 << 20;
 /// What one tile takes at most and at least, whatever is allowed: a whole 1080p frame with a ±2 window takes about the most.
 const TILE_MEMORY: (u64, u64) = (320 << 20, 1 << 30);
 
 /// How to denoise.
 #[derive(Clone, Debug, Default)]
 pub struct Settings {
-    /// Bytes that the frames in the window and the buffers of one tile may take together; None is 3.3 GiB, and 320 MiB for a tile
+    /// Bytes that the frames in the window and the buffers of one tile may take together; None is 2.8 GiB, and 320 MiB for a tile
     /// in any case. Less memory means more and smaller tiles, and the same bits.
     pub memory: Option<u64>,
     /// The instruction set; None is the fastest. AVX2 and AVX-512 give the same bits, the portable path agrees to 1e-4.

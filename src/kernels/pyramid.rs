@@ -74,13 +74,7 @@ mod tests {
         half.rows_mut().enumerate().for_each(|(y, mut row)| {
             for x in 0..4 {
                 row.plane(0)[x] = (4 * y + x) as f32;
-                row.plane(3)[x] = if y < 2 && x < 2 && (y, x) != (0, 0) {
-                    0.0
-                } else if x == 3 {
-                    0.0
-                } else {
-                    1.0
-                };
+                row.plane(3)[x] = if (y < 2 && x < 2 && (y, x) != (0, 0)) || x == 3 { 0.0 } else { 1.0 };
             }
         });
         let out = down(&half, &channels, 1);

@@ -153,8 +153,8 @@ fn weigh<L: Lanes>(
             }
         }
     }
-    for part in 0..2 {
-        let scale = l.where_positive(norm[part], l.div(l.splat(1.0), l.max(norm[part], l.splat(1e-37))));
+    for (part, norm) in norm.into_iter().enumerate() {
+        let scale = l.where_positive(norm, l.div(l.splat(1.0), l.max(norm, l.splat(1e-37))));
         l.store(scale, scales, 16 * part);
     }
 }

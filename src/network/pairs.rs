@@ -21,9 +21,9 @@ pub fn segment_of<L: Lanes, S: Channels16>(l: L, row: Row<S>, channels: usize, x
     let mut block = [low; 16];
     for part in (0..SEGMENT).step_by(16) {
         for first in (0..channels).step_by(16) {
-            for p in 0..16 {
-                let pixel = (x + part + p).min(row.columns - 1);
-                block[p] = l.max(row.values.lanes(l, row.start + pixel * channels + first), low);
+            for (p, pixel) in block.iter_mut().enumerate() {
+                let at = (x + part + p).min(row.columns - 1);
+                *pixel = l.max(row.values.lanes(l, row.start + at * channels + first), low);
             }
             store_columns(l, block, first, part, out);
         }
@@ -52,9 +52,8 @@ pub fn features_of<L: Lanes>(l: L, features: &Features, region: Rect, y: usize, 
 /// Writes sixteen pixels of sixteen channels to channels `first`… and pixels `part`… of [channel][32].
 #[inline(always)]
 fn store_columns<L: Lanes>(l: L, pixels: [L::V; 16], first: usize, part: usize, out: &mut [f32]) {
-    let columns = l.transpose(pixels);
-    for c in 0..16 {
-        l.store(columns[c], out, (first + c) * SEGMENT + part);
+    for (c, column) in l.transpose(pixels).into_iter().enumerate() {
+        l.store(column, out, (first + c) * SEGMENT + part);
     }
 }
 
@@ -68,7 +67,15 @@ pub fn gather<L: Lanes>(l: L, neighbour: Neighbour, region: Rect, y: usize, x: u
 }
 
 #[inline(always)]
-fn gather_from<L: Lanes, S: Channels16>(l: L, features: S, neighbour: Neighbour, region: Rect, y: usize, x: usize, out: &mut [f32]) {
+fn gather_from<L: Lanes, S: Channels16>(
+    l: L,
+    features: S,
+    neighbour: Neighbour,
+    region: Rect,
+    y: usize,
+    x: usize,
+    out: &mut [f32],
+) {
     let (_, columns, channels) = neighbour.features.shape();
     let mut block = [l.splat(0.0); 16];
     let mut index = [0; 16];

@@ -119,6 +119,7 @@ impl Head {
 
     /// Logits of the segment at row `y`, columns `x`… of the head's resolution; `features` covers the region.
     #[inline(always)]
+    #[allow(clippy::too_many_arguments)]
     pub fn predict<L: Lanes>(
         &self,
         l: L,

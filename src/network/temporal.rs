@@ -92,12 +92,12 @@ fn row_body<L: Lanes>(
         for part in (0..SEGMENT).step_by(16) {
             for first in (0..width).step_by(16) {
                 let mut block = [l.splat(0.0); 16];
-                for c in 0..16 {
-                    block[c] = l.load(&mixed, (first + c) * SEGMENT + part);
+                for (c, channel) in block.iter_mut().enumerate() {
+                    *channel = l.load(&mixed, (first + c) * SEGMENT + part);
                 }
-                let pixels = l.transpose(block);
-                for p in 0..16.min(region.columns.saturating_sub(x + part)) {
-                    l.store(pixels[p], out, (x + part + p) * width + first);
+                let inside = region.columns.saturating_sub(x + part);
+                for (p, pixel) in l.transpose(block).into_iter().enumerate().take(inside) {
+                    l.store(pixel, out, (x + part + p) * width + first);
                 }
             }
         }

@@ -191,7 +191,7 @@ fn warp_row_body<L: Lanes>(
             corners.sample(image, path.columns, more);
             more.iter_mut().for_each(|v| *v *= trust);
         }
-        if y % 2 == 0 && i % 2 == 0 {
+        if y.is_multiple_of(2) && i.is_multiple_of(2) {
             let column = (region.column + i / 2) as f32 + (place.column - x as f32) * 0.5;
             let row = (y / 2) as f32 + (place.row - y as f32) * 0.5;
             half_corners[i / 2] = Corners::new(column, row, path.rows / 2, path.columns / 2);

@@ -73,7 +73,7 @@ pub trait Lanes: Copy + Send + Sync {
 }
 
 const LN: [f32; 8] =
-    [-0.115_146_1, 0.116_769_99, -0.124_201_41, 0.142_493_23, -0.166_680_58, 0.200_007_15, -0.249_999_94, 0.333_333_31];
+    [-0.115_146_1, 0.116_769_99, -0.124_201_41, 0.142_493_23, -0.166_680_58, 0.200_007_15, -0.249_999_94, 0.333_333_3];
 /// The bits of √½.
 const SQRT_HALF: i32 = 0x3f35_04f3;
 
@@ -542,12 +542,11 @@ mod tests {
     #[inline(always)]
     fn transpose_body<L: Lanes>(l: L, from: &[f32], to: &mut [f32]) {
         let mut rows = [l.splat(0.0); 16];
-        for i in 0..16 {
-            rows[i] = l.load(from, 16 * i);
+        for (i, row) in rows.iter_mut().enumerate() {
+            *row = l.load(from, 16 * i);
         }
-        let rows = l.transpose(rows);
-        for i in 0..16 {
-            l.store(rows[i], to, 16 * i);
+        for (i, row) in l.transpose(rows).into_iter().enumerate() {
+            l.store(row, to, 16 * i);
         }
     }
     dispatch!(fn transposed(from: &[f32], to: &mut [f32]) = transpose_body);
