@@ -262,4 +262,4 @@ class Hush(nn.Module):
             w = torch.exp(part.float().clamp(-LOGIT_LIMIT, LOGIT_LIMIT)) * valid[:, k]
             total = total + w * albedo[:, k]
             norm = norm + w
-        return total / norm.clamp_min(1e-30)
+        return torch.where(norm > 0, total / norm.clamp_min(1e-30), albedo[:, 0])

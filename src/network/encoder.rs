@@ -15,8 +15,10 @@ const INPUTS: usize = 10;
 
 /// Half-resolution rows around a strip that its features depend on: four 3×3 convolutions.
 const HALO: usize = 4;
-/// Half-resolution pixels of a strip: a 1080p frame is one.
-const STRIP_AREA: usize = 600_000;
+/// Half-resolution pixels that are encoded at once: a 1080p frame.
+const WHOLE_AREA: usize = 600_000;
+/// Half-resolution pixels of a strip of a larger frame.
+const STRIP_AREA: usize = 200_000;
 
 /// The renderer-specific part of the network.
 pub struct Encoder {
@@ -39,7 +41,7 @@ impl Encoder {
     /// Features (padded rows / 2, padded columns / 2, features) of a frame, computed in strips that bound the memory.
     pub fn run(&self, isa: Isa, frame: &PackedFrame, guides: &Guides) -> Features {
         let (rows, columns) = (frame.padded_rows / 2, frame.padded_columns / 2);
-        let step = (STRIP_AREA / columns).clamp(1, rows);
+        let step = if rows * columns <= WHOLE_AREA { rows } else { (STRIP_AREA / columns).clamp(1, rows) };
         let mut features = Features::new(rows, columns, self.second.output_channels());
         let (mut hidden, mut out) = (Activation::empty(), Activation::empty());
         for first in (0..rows).step_by(step) {

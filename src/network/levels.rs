@@ -197,6 +197,7 @@ fn full_row_body<L: Lanes>(l: L, levels: &Levels, half: &Planes, reach: &Reach, 
         taps.push(Taps { image: half, phases: 1, offsets: &reach.coarse, logits: coarse, pitch });
         let albedo_channels = channels.modulation()..channels.modulation() + 3;
         apply(l, &albedo_taps, channels.mask(), albedo_channels, y, x, &mut weights, &mut modulation);
+        own_where_zero(&mut modulation, image, channels.modulation(), y, x);
         apply(l, &taps, channels.mask(), 0..values, y, x, &mut weights, &mut line);
         for (channel, line) in line.chunks_exact_mut(FULL_PHASES * SEGMENT).enumerate() {
             let Some(c) = channels.modulated_by(channel) else { continue };
@@ -204,6 +205,17 @@ fn full_row_body<L: Lanes>(l: L, levels: &Levels, half: &Planes, reach: &Reach, 
             line.iter_mut().zip(modulation).for_each(|(v, m)| *v *= m);
         }
         interleave(&line, values, x - first, core.columns, out);
+    }
+}
+
+/// Where no tap's albedo was usable, inside a hole of bad pixels, the pixel's own serves: [3][phase][32].
+#[inline(always)]
+fn own_where_zero(modulation: &mut [f32], image: &Planes, first: usize, y: usize, x: usize) {
+    for (i, m) in modulation.iter_mut().enumerate() {
+        if *m == 0.0 {
+            let column = (x + i % SEGMENT).min(image.columns() - 1);
+            *m = image.row(first * FULL_PHASES + i / SEGMENT, y)[column];
+        }
     }
 }
 
