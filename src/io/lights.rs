@@ -37,6 +37,10 @@ pub(crate) fn find(
             }
         }
     }
+    if found.is_empty() && !wanted.is_empty() {
+        let advice = "enable View Layer › Passes › Light, such as Diffuse Direct, Indirect and Color, or leave --aov all out";
+        missing.push(Missing { pass: "light".into(), advice: advice.into() });
+    }
     // The same pass twice would be divided twice.
     let mut unique: Vec<AovRef> = Vec::new();
     for aov in found {

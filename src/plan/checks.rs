@@ -24,6 +24,8 @@ pub enum WarningKind {
     RepeatedNoise,
     /// The files hold a Noisy Image, so Combined may have been denoised.
     NoisyImage,
+    /// The files do not tell whether Combined was denoised.
+    MaybeDenoised,
     /// Frames lack a guide that would help.
     MissingGuide,
     /// Something to know about the files: several layers or views, lossy compression.
@@ -67,6 +69,8 @@ pub struct Header {
     pub vector: bool,
     /// The beauty is `Noisy Image`, and there is a Combined beside it.
     pub noisy_image: bool,
+    /// Nothing tells whether Cycles denoised the beauty already.
+    pub unsure: bool,
     /// Guides that may be used and are not there, with how to get them.
     pub missing: Vec<(String, String)>,
     /// What else there is to know about the file.
@@ -159,6 +163,17 @@ pub fn noisy_image(headers: &[Header]) -> Option<Warning> {
     let which = which(&with, headers, "holds", "hold");
     let message = format!("{which} a Noisy Image: it is denoised, not Combined, which Cycles may have denoised already");
     (!with.is_empty()).then(|| Warning::new(WarningKind::NoisyImage, message))
+}
+
+/// Files that have neither a Noisy Image nor the Denoising Data that come with it.
+pub fn maybe_denoised(headers: &[Header]) -> Option<Warning> {
+    let unsure: Vec<i64> = headers.iter().filter(|h| h.unsure).map(|h| h.number).collect();
+    let which = which(&unsure, headers, "does not tell", "do not tell");
+    let message = format!(
+        "{which} whether Cycles denoised Combined already: if it did, switch Render › Sampling › Denoise off, or enable View Layer › \
+         Passes › Data › Denoising Data, which keeps the noisy image"
+    );
+    (!unsure.is_empty()).then(|| Warning::new(WarningKind::MaybeDenoised, message))
 }
 
 /// What the pixel checks need to know of a decoded frame; a few hundred kilobytes.
@@ -265,7 +280,7 @@ mod tests {
     use super::*;
 
     fn header(number: i64) -> Header {
-        Header { number, columns: 8, rows: 4, vector: true, noisy_image: false, missing: vec![], notes: vec![] }
+        Header { number, columns: 8, rows: 4, vector: true, noisy_image: false, unsure: false, missing: vec![], notes: vec![] }
     }
 
     /// Noise from a seed, with or without vectors of a value.
@@ -289,6 +304,9 @@ mod tests {
         assert_eq!(resolution(&headers), None);
         assert_eq!(no_vector(&headers), None);
         assert_eq!(noisy_image(&headers), None);
+        assert_eq!(maybe_denoised(&headers), None);
+        let told = maybe_denoised(&[header(1), Header { unsure: true, ..header(2) }]).unwrap().message;
+        assert!(told.starts_with("frame 2 does not tell whether"), "{told}");
         assert!(missing_guides(&headers).is_empty() && notes(&headers).is_empty());
         assert_eq!(missing_frames(&[]), None);
         assert_eq!(look(&[frame(1, Some(2.0)), frame(2, Some(2.0)), frame(3, Some(0.0))]), (vec![], None));

@@ -203,6 +203,7 @@ fn header_warnings(job: &Job, headers: &[Header], gaps: &[(i64, i64)], note: Opt
     let vectors_wanted = job.selection.guides.vector && job.window != Some(0);
     warnings.extend(vectors_wanted.then(|| checks::no_vector(headers)).flatten());
     warnings.extend(checks::noisy_image(headers));
+    warnings.extend(checks::maybe_denoised(headers));
     warnings.extend(checks::missing_guides(headers));
     warnings.extend(checks::notes(headers));
     if !job.sequence.ignored.is_empty() {

@@ -37,6 +37,7 @@ impl Source {
             rows: first.map_or(layout.rows, |v| v.rows),
             vector: !views.is_empty() && views.iter().all(|v| v.vector.is_some()),
             noisy_image: views.iter().any(|v| v.colour != v.target),
+            unsure: views.iter().any(|v| !v.surely_noisy),
             missing,
             notes,
         };
