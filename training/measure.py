@@ -1,6 +1,6 @@
 """Measures the `hush` program itself on the validation shots: each is written as EXR frames, denoised and compared.
 
-    python measure.py --shots ../../shared/data/shots --hush ../target/release/hush
+    python measure.py --shots shots --hush ../target/release/hush
 
 Scores are computed as `train.py: validate` does; the table goes to standard output. Needs OpenEXR beside the training packages.
 """

@@ -72,7 +72,7 @@ pub(super) struct DenoiseArgs {
     /// Stop at the first bad or missing frame
     #[arg(long)]
     strict: bool,
-    /// Memory for the frames in the window and the computing, such as 4G; reading and writing come on top [default: 2.8G]
+    /// Memory for the frames in the window and the computing, such as 4G; reading and writing come on top [default: 3.1G]
     #[arg(long, value_name = "SIZE", value_parser = parse_size)]
     memory: Option<u64>,
     /// Threads for computing [default: all cores]

@@ -18,17 +18,17 @@ use crate::network::warp::{EXTRAS, Warped, centre_planes, warp};
 use crate::network::weights::Weights;
 use crate::plan::tiles::{Tile, tiles};
 use crate::plan::window::{LAMBDA_RANGE, MAX_WINDOW};
-use crate::simd::{Activation, Isa};
+use crate::simd::{Activation, Isa, keep_at_most};
 
 /// What the frames in the window and one tile may take together where nothing is said.
-const MEMORY: u64 = 2900 << 20;
+const MEMORY: u64 = 3200 << 20;
 /// What one tile takes at most and at least, whatever is allowed: a whole 1080p frame with a ±2 window takes about the most.
 const TILE_MEMORY: (u64, u64) = (320 << 20, 1 << 30);
 
 /// How to denoise.
 #[derive(Clone, Debug, Default)]
 pub struct Settings {
-    /// Bytes that the frames in the window and the buffers of one tile may take together; None is 2.8 GiB, and 320 MiB for a tile
+    /// Bytes that the frames in the window and the buffers of one tile may take together; None is 3.1 GiB, and 320 MiB for a tile
     /// in any case. Less memory means more and smaller tiles, and the same bits.
     pub memory: Option<u64>,
     /// The instruction set; None is the fastest. AVX2 and AVX-512 give the same bits, the portable path agrees to 1e-4.
@@ -146,6 +146,8 @@ impl Engine {
         let tile = self.settings.memory.map_or(left(MEMORY).max(TILE_MEMORY.0), left) as usize;
         let area = tile / self.bytes_per_pixel(&channels, paths.len());
         let tiles = tiles(half_rows, half_columns, halo, area);
+        // Tiles of several sizes leave buffers behind that fit nothing; a single one is the same size frame after frame.
+        keep_at_most(if tiles.len() == 1 { TILE_MEMORY.1 as usize } else { tile / 4 });
         if let [whole] = tiles[..] {
             return Ok(unpack(self.tile(centre, &paths, whole, channels, lambda).image, packed));
         }
@@ -161,7 +163,7 @@ impl Engine {
     /// Bytes that one half-resolution pixel of a tile takes.
     fn bytes_per_pixel(&self, channels: &Channels, neighbours: usize) -> usize {
         let images = (1 + neighbours) * (4 * channels.full() + 2 * channels.coarse());
-        4 * (self.channels_per_pixel + images + neighbours * (EXTRAS + 2) + 4 * channels.values)
+        4 * (self.channels_per_pixel + images + neighbours * (EXTRAS + 4) + 4 * channels.values)
     }
 
     fn tile(&self, centre: &EncodedFrame, paths: &[Path], tile: Tile, channels: Channels, lambda: f32) -> Stages {

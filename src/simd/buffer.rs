@@ -4,16 +4,22 @@
 
 use std::alloc::{Layout, alloc_zeroed, dealloc, handle_alloc_error};
 use std::ptr::NonNull;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 /// Buffers from this many floats on are kept when they are dropped.
 const KEPT_FROM: usize = 1 << 18;
 /// Buffers up to this many floats are kept (128 MiB): those of very large frames are worth more as free memory.
 const KEPT_TO: usize = 32 << 20;
-/// At most this many floats are kept (1 GiB).
-const KEPT_TOTAL: usize = 256 << 20;
 
+/// At most this many floats are kept.
+static KEPT_TOTAL: AtomicUsize = AtomicUsize::new(256 << 20);
 static KEPT: Mutex<Vec<Buffer>> = Mutex::new(Vec::new());
+
+/// Keeps at most this many bytes for the next frame from now on.
+pub fn keep_at_most(bytes: usize) {
+    KEPT_TOTAL.store(bytes / size_of::<f32>(), Ordering::Relaxed);
+}
 
 /// Gives the memory that is kept for the next frame back to the system.
 pub fn release_memory() {
@@ -110,7 +116,7 @@ impl Drop for Buffer {
         let buffer = std::mem::replace(self, Self::empty());
         if (KEPT_FROM..=KEPT_TO).contains(&buffer.capacity) {
             let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
-            if kept.iter().map(|b| b.capacity).sum::<usize>() + buffer.capacity <= KEPT_TOTAL {
+            if kept.iter().map(|b| b.capacity).sum::<usize>() + buffer.capacity <= KEPT_TOTAL.load(Ordering::Relaxed) {
                 kept.push(buffer);
                 return;
             }

@@ -19,7 +19,7 @@ mod vector;
 mod tests;
 
 pub use activation::Activation;
-pub use buffer::release_memory;
+pub use buffer::{keep_at_most, release_memory};
 pub use conv::{Conv, Epilogue};
 pub use isa::Isa;
 pub use pack::Source;
