@@ -2,11 +2,13 @@
 //!
 //! A frame takes hundreds of MiB in a few dozen buffers; fresh pages for each would cost a tenth of its time.
 
-use std::alloc::{Layout, alloc_zeroed, dealloc, handle_alloc_error};
+use std::alloc::{Layout, alloc, dealloc, handle_alloc_error};
 use std::ptr::NonNull;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
+/// Large buffers start on a boundary of this many bytes, and Linux is asked to back them with pages of this size.
+const HUGE_PAGE: usize = 2 << 20;
 /// Buffers from this many floats on are kept when they are dropped.
 const KEPT_FROM: usize = 1 << 18;
 /// Buffers up to this many floats are kept (128 MiB): those of very large frames are worth more as free memory.
@@ -71,8 +73,15 @@ impl Buffer {
         }
         let layout = Self::layout(len);
         // SAFETY: len > capacity ≥ 0, so the layout is not empty.
-        let memory = unsafe { alloc_zeroed(layout) };
+        let memory = unsafe { alloc(layout) };
         self.start = NonNull::new(memory.cast()).unwrap_or_else(|| handle_alloc_error(layout));
+        #[cfg(target_os = "linux")]
+        if layout.align() == HUGE_PAGE {
+            // SAFETY: advice about memory that was just allocated, whole pages of it; where the kernel refuses, nothing changes.
+            unsafe { libc::madvise(memory.cast(), layout.size() / HUGE_PAGE * HUGE_PAGE, libc::MADV_HUGEPAGE) };
+        }
+        // SAFETY: `len` floats were allocated, and zero bytes are zero floats.
+        unsafe { self.start.as_ptr().write_bytes(0, len) };
         (self.capacity, self.len) = (len, len);
         true
     }
@@ -107,7 +116,8 @@ impl Buffer {
     }
 
     fn layout(len: usize) -> Layout {
-        Layout::array::<f32>(len).and_then(|layout| layout.align_to(64)).expect("an image of more bytes than can be addressed")
+        let align = if len >= 2 * HUGE_PAGE / size_of::<f32>() { HUGE_PAGE } else { 64 };
+        Layout::array::<f32>(len).and_then(|layout| layout.align_to(align)).expect("an image of more bytes than can be addressed")
     }
 }
 
