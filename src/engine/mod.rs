@@ -206,15 +206,12 @@ impl Engine {
     }
 }
 
-/// What one tile's pass leaves behind.
+/// What one tile's pass leaves behind; all but the image is for the comparison with PyTorch.
+#[cfg_attr(not(test), allow(dead_code))]
 struct Stages {
-    #[cfg_attr(not(test), allow(dead_code))]
     half_features: Activation,
-    #[cfg_attr(not(test), allow(dead_code))]
     quarter_features: Activation,
-    #[cfg_attr(not(test), allow(dead_code))]
     quarter: Planes,
-    #[cfg_attr(not(test), allow(dead_code))]
     half: Planes,
     /// The core, (rows, columns, values).
     image: Array3<f32>,

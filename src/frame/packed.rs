@@ -60,8 +60,9 @@ fn radiance(x: f32) -> f32 {
     x.clamp(0.0, BRIGHTEST)
 }
 
-fn unit(x: f32) -> f32 {
-    if x.is_nan() { 0.0 } else { x.clamp(0.0, 1.0) }
+/// A guide's value in low…1; NaN is 0.
+pub fn bounded(v: f32, low: f32) -> f32 {
+    if v.is_nan() { 0.0 } else { v.clamp(low, 1.0) }
 }
 
 impl PackedFrame {
@@ -86,7 +87,7 @@ impl PackedFrame {
                 let x = x.min(columns - 1);
                 let finite = (0..3).all(|c| colour[[y, x, c]].is_finite());
                 for c in 0..3 {
-                    let modulation = frame.albedo.as_ref().map_or(1.0, |a| unit(a[[y, x, c]]) + epsilon);
+                    let modulation = frame.albedo.as_ref().map_or(1.0, |a| bounded(a[[y, x, c]], 0.0) + epsilon);
                     lanes[MODULATION + c] = modulation;
                     lanes[COLOUR + c] = if finite { radiance(colour[[y, x, c]]) / modulation } else { 0.0 };
                 }

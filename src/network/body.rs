@@ -26,15 +26,11 @@ impl Body {
         let blocks = |key: &str, count: usize, channels: usize| -> Result<Vec<Residual>> {
             (0..count).map(|i| Residual::new(weights, &format!("{key}.{i}"), channels)).collect()
         };
-        let stride = |key: &str, outputs: usize, inputs: usize| -> Result<Conv> {
-            let (w, b) = weights.conv(key, outputs, inputs, 3, true)?;
-            Ok(Conv::new(w.view(), b.as_ref().map(|b| b.view()), 2))
-        };
         Ok(Self {
             half_in: blocks("half_in", a.blocks_half, a.half)?,
-            to_quarter: stride("to_quarter", a.quarter, a.half)?,
+            to_quarter: weights.layer("to_quarter", a.quarter, a.half, 2)?,
             quarter_in: blocks("quarter_in", a.blocks_quarter, a.quarter)?,
-            to_eighth: stride("to_eighth", a.eighth, a.quarter)?,
+            to_eighth: weights.layer("to_eighth", a.eighth, a.quarter, 2)?,
             eighth: blocks("eighth", a.blocks_eighth, a.eighth)?,
             from_eighth: Specialised::new(weights, "from_eighth", "lambda_quarter", a.quarter, a.eighth + a.quarter)?,
             quarter_out: Residual::new(weights, "quarter_out", a.quarter)?,

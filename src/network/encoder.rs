@@ -6,7 +6,7 @@ use super::features::Features;
 use super::residual::Residual;
 use super::weights::Weights;
 use crate::error::Result;
-use crate::frame::packed::{COLOUR, DEPTH, Guides, PackedFrame};
+use crate::frame::packed::{COLOUR, DEPTH, Guides, PackedFrame, bounded};
 use crate::simd::lanes::ln_1p_all;
 use crate::simd::{Activation, Conv, Epilogue, Isa};
 
@@ -31,10 +31,8 @@ impl Encoder {
     /// Takes the layers `encoder.*` of the weights.
     pub fn new(weights: &Weights) -> Result<Self> {
         let width = weights.architecture.features;
-        let (w, b) = weights.conv("encoder.first", width, 4 * INPUTS, 3, true)?;
-        let first = Conv::new(w.view(), b.as_ref().map(|b| b.view()), 1);
-        let (w, b) = weights.conv("encoder.second", width, width, 3, true)?;
-        let second = Conv::new(w.view(), b.as_ref().map(|b| b.view()), 1);
+        let first = weights.layer("encoder.first", width, 4 * INPUTS, 1)?;
+        let second = weights.layer("encoder.second", width, width, 1)?;
         Ok(Self { first, second, block: Residual::new(weights, "encoder.block", width)? })
     }
 
@@ -90,9 +88,4 @@ fn inputs(isa: Isa, frame: &PackedFrame, guides: &Guides, rows: std::ops::Range<
         }
     });
     out
-}
-
-/// A guide's value in low…1; NaN is 0.
-fn bounded(v: f32, low: f32) -> f32 {
-    if v.is_nan() { 0.0 } else { v.clamp(low, 1.0) }
 }

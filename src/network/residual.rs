@@ -13,10 +13,7 @@ pub struct Residual {
 impl Residual {
     /// Takes `{key}.first` and `{key}.second` of the weights.
     pub fn new(weights: &Weights, key: &str, channels: usize) -> Result<Self> {
-        let layer = |name: &str| -> Result<Conv> {
-            let (w, b) = weights.conv(&format!("{key}.{name}"), channels, channels, 3, true)?;
-            Ok(Conv::new(w.view(), b.as_ref().map(|b| b.view()), 1))
-        };
+        let layer = |name: &str| weights.layer(&format!("{key}.{name}"), channels, channels, 1);
         Ok(Self { first: layer("first")?, second: layer("second")? })
     }
 

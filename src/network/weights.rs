@@ -8,6 +8,7 @@ use safetensors::{Dtype, SafeTensors};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
+use crate::simd::Conv;
 
 /// The weights file that this build carries.
 pub const EMBEDDED: &[u8] = include_bytes!("../../models/hush.safetensors");
@@ -161,6 +162,12 @@ impl Weights {
         let weight = weight.into_dimensionality::<Ix4>().map_err(|e| bad(&self.name, format!("{key}: {e}")))?;
         let bias = if biased { Some(self.vector(&format!("{key}.bias"), outputs)?) } else { None };
         Ok((weight, bias))
+    }
+
+    /// A 3×3 convolution with bias, ready to run at `stride` 1 or 2.
+    pub fn layer(&self, key: &str, outputs: usize, inputs: usize, stride: usize) -> Result<Conv> {
+        let (weight, bias) = self.conv(key, outputs, inputs, 3, true)?;
+        Ok(Conv::new(weight.view(), bias.as_ref().map(|b| b.view()), stride))
     }
 
     /// A fully connected layer's weights (outputs, inputs) and bias (outputs).
