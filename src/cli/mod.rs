@@ -3,6 +3,7 @@
 mod denoise;
 mod eval;
 mod inspect;
+mod job_args;
 mod progress;
 mod size;
 
@@ -60,7 +61,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         }
     };
     let exit = match cli.command {
-        Command::Denoise(args) => denoise::denoise(*args),
+        Command::Denoise(args) => denoise::denoise(&args),
         Command::Inspect(args) => inspect::inspect_files(&args),
         Command::Eval(args) => eval::eval(&args),
     };
