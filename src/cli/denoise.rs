@@ -6,9 +6,9 @@ use clap::Args;
 
 use super::progress::{Mode, Progress};
 use super::size::parse_size;
-use super::{Exit, print, print_json, say};
+use super::{CatchSignals, Exit, Handler, print, print_json, say};
 use crate::engine::{Engine, Settings};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::io::sequence::Sequence;
 use crate::io::{Guides, Selection};
 use crate::plan::frames::FrameSet;
@@ -93,10 +93,10 @@ pub(super) struct DenoiseArgs {
 }
 
 /// Runs the subcommand.
-pub(super) fn denoise(args: DenoiseArgs) -> Result<Exit> {
+pub(super) fn denoise(args: DenoiseArgs, catch_signals: CatchSignals) -> Result<Exit> {
     let mode = Mode::choose(args.quiet, args.json);
     let progress = Progress::new(mode);
-    let done = denoise_with(args, mode, &progress);
+    let done = denoise_with(args, mode, &progress, catch_signals);
     match done {
         // A machine that reads events finds this one there too.
         Err(error) if mode == Mode::Json => {
@@ -107,7 +107,7 @@ pub(super) fn denoise(args: DenoiseArgs) -> Result<Exit> {
     }
 }
 
-fn denoise_with(args: DenoiseArgs, mode: Mode, progress: &Progress) -> Result<Exit> {
+fn denoise_with(args: DenoiseArgs, mode: Mode, progress: &Progress, catch_signals: CatchSignals) -> Result<Exit> {
     let (dry_run, threads, memory, model) = (args.dry_run, args.threads, args.memory, args.model.clone());
     let job = args.into_job()?;
     if dry_run {
@@ -119,17 +119,13 @@ fn denoise_with(args: DenoiseArgs, mode: Mode, progress: &Progress) -> Result<Ex
         }
         return Ok(Exit::Good);
     }
-    if let Some(threads) = threads {
-        let built = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads)).build_global();
-        built.map_err(|e| Error::BadSetting { name: "threads", reason: e.to_string() })?;
-    }
-    let settings = Settings { memory, ..Settings::default() };
+    let settings = Settings { memory, threads: threads.map(usize::from), ..Settings::default() };
     let engine = match &model {
         Some(path) => Engine::from_file(path, settings)?,
         None => Engine::new(settings)?,
     };
     let cancel = CancelToken::new();
-    stop_on_signal(&cancel, &job.output)?;
+    catch_signals(stop_handler(&cancel, &job.output))?;
     let summary = run(&job, &engine, &|event| progress.report(&event), &cancel)?;
     Ok(exit_of(&summary))
 }
@@ -162,17 +158,16 @@ impl DenoiseArgs {
 }
 
 /// The first signal lets the frame in hand be finished, the second ends the process at once.
-fn stop_on_signal(cancel: &CancelToken, output: &Path) -> Result<()> {
+fn stop_handler(cancel: &CancelToken, output: &Path) -> Handler {
     let (cancel, output) = (cancel.clone(), output.to_path_buf());
-    let handler = move || {
+    Box::new(move || {
         if cancel.is_cancelled() {
             remove_unfinished(&output);
             std::process::exit(Exit::Stopped as i32);
         }
         cancel.cancel();
         say("stopping after the frame in hand; once more stops at once");
-    };
-    ctrlc::set_handler(handler).map_err(|e| Error::BadInput { input: "signal handler".into(), reason: e.to_string() })
+    })
 }
 
 fn exit_of(summary: &Summary) -> Exit {
