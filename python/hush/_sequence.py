@@ -135,9 +135,13 @@ def _options(given: dict[str, Any]) -> dict[str, Any]:
     options = dict(given)
     if isinstance(options["inputs"], (str, os.PathLike)):
         options["inputs"] = [options["inputs"]]
-    frames = options["frames"]
+    frames, lam = options["frames"], options["lam"]
     if frames is not None and not isinstance(frames, str):
         options["frames"] = ",".join(str(operator.index(frame)) for frame in frames)
+    if isinstance(lam, Mapping):
+        options["lam"] = list(lam.items())
+    else:
+        options["lam"] = [(0, lam)]
     for name in ("aovs", "layers"):
         if isinstance(options[name], str):
             raise TypeError(f"{name}: expected a sequence of names, got the string {options[name]!r}: write ({options[name]!r},)")

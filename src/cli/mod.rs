@@ -3,6 +3,7 @@
 mod denoise;
 mod eval;
 mod inspect;
+mod job_args;
 mod progress;
 mod size;
 
@@ -68,7 +69,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>, catch_signals: CatchSignals
         }
     };
     let exit = match cli.command {
-        Command::Denoise(args) => denoise::denoise(*args, catch_signals),
+        Command::Denoise(args) => denoise::denoise(&args, catch_signals),
         Command::Inspect(args) => inspect::inspect_files(&args),
         Command::Eval(args) => eval::eval(&args),
     };

@@ -19,6 +19,8 @@ impl From<Error> for PyErr {
             Error::Io { path, source } => match source.raw_os_error() {
                 Some(code) => {
                     let text = source.to_string();
+                    // As a string: a path object would be told as PosixPath(…).
+                    let path = path.into_os_string();
                     let text = text.split(" (os error").next().unwrap_or_default().to_string();
                     // Python picks FileNotFoundError and the like by the code.
                     if cfg!(windows) { PyOSError::new_err((0, text, path, code)) } else { PyOSError::new_err((code, text, path)) }

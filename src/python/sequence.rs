@@ -16,6 +16,7 @@ use crate::engine::Engine;
 use crate::error::Result;
 use crate::io::sequence::Sequence;
 use crate::io::{Guides, Selection};
+use crate::plan::lambda::Lambda;
 use crate::shot::{CancelToken, Event, Job, ModelId, Plan, Summary, run};
 use crate::simd::release_memory;
 
@@ -134,13 +135,14 @@ fn job(options: &Bound<'_, PyDict>) -> PyResult<Job> {
         vector: get(options, "vector")?,
     };
     let selection = Selection {
+        layers: get(options, "layers")?,
         view: get(options, "view")?,
         vector_layer: get(options, "vector_layer")?,
         guides,
         aovs: get(options, "aovs")?,
         ..Selection::default()
     };
-    let lambda = check_lam(get(options, "lam")?)?;
+    let lambda = lambda(get(options, "lam")?)?;
     let keep_noisy = get(options, "keep_noisy")?;
     let (overwrite, strict) = (get(options, "overwrite")?, get(options, "strict")?);
     let window = window.map(check_window).transpose()?;
@@ -159,6 +161,12 @@ fn job(options: &Bound<'_, PyDict>) -> PyResult<Job> {
     };
     let sequence = options.py().detach(|| Sequence::find(&inputs))?;
     Ok(made(sequence)?)
+}
+
+/// λ from its keys (frame, value); a single value comes as one key.
+fn lambda(keys: Vec<(f64, f64)>) -> PyResult<Lambda> {
+    let keys: Vec<(f64, f32)> = keys.into_iter().map(|(frame, lam)| Ok((frame, check_lam(lam)?))).collect::<PyResult<_>>()?;
+    Ok(Lambda::keyed(keys)?)
 }
 
 /// A keyword's value; one of another type is a TypeError that names it.
