@@ -6,8 +6,8 @@ use clap::Args;
 
 use super::job_args::JobArgs;
 use super::progress::{Mode, Progress};
-use super::{Exit, print, print_json, say};
-use crate::error::{Error, Result};
+use super::{CatchSignals, Exit, Handler, print, print_json, say};
+use crate::error::Result;
 use crate::io::sequence::Sequence;
 use crate::shot::{Action, CancelToken, Event, Job, Plan, Summary, remove_unfinished, run};
 
@@ -44,10 +44,10 @@ pub(super) struct DenoiseArgs {
 }
 
 /// Runs the subcommand.
-pub(super) fn denoise(args: &DenoiseArgs) -> Result<Exit> {
+pub(super) fn denoise(args: &DenoiseArgs, catch_signals: CatchSignals) -> Result<Exit> {
     let mode = Mode::choose(args.quiet, args.json);
     let progress = Progress::new(mode);
-    let done = denoise_with(args, mode, &progress);
+    let done = denoise_with(args, mode, &progress, catch_signals);
     match done {
         // A machine that reads events finds this one there too.
         Err(error) if mode == Mode::Json => {
@@ -58,7 +58,7 @@ pub(super) fn denoise(args: &DenoiseArgs) -> Result<Exit> {
     }
 }
 
-fn denoise_with(args: &DenoiseArgs, mode: Mode, progress: &Progress) -> Result<Exit> {
+fn denoise_with(args: &DenoiseArgs, mode: Mode, progress: &Progress, catch_signals: CatchSignals) -> Result<Exit> {
     let sequence = Sequence::find(&args.inputs)?;
     let job = Job { overwrite: args.overwrite, strict: args.strict, ..args.job.job(sequence)? };
     if args.dry_run {
@@ -72,23 +72,22 @@ fn denoise_with(args: &DenoiseArgs, mode: Mode, progress: &Progress) -> Result<E
     }
     let engine = args.job.engine()?;
     let cancel = CancelToken::new();
-    stop_on_signal(&cancel, &job.output)?;
+    catch_signals(stop_handler(&cancel, &job.output))?;
     let summary = run(&job, &engine, &|event| progress.report(&event), &cancel)?;
     Ok(exit_of(&summary))
 }
 
 /// The first signal lets the frame in hand be finished, the second ends the process at once.
-fn stop_on_signal(cancel: &CancelToken, output: &Path) -> Result<()> {
+fn stop_handler(cancel: &CancelToken, output: &Path) -> Handler {
     let (cancel, output) = (cancel.clone(), output.to_path_buf());
-    let handler = move || {
+    Box::new(move || {
         if cancel.is_cancelled() {
             remove_unfinished(&output);
             std::process::exit(Exit::Stopped as i32);
         }
         cancel.cancel();
         say("stopping after the frame in hand; once more stops at once");
-    };
-    ctrlc::set_handler(handler).map_err(|e| Error::BadInput { input: "signal handler".into(), reason: e.to_string() })
+    })
 }
 
 fn exit_of(summary: &Summary) -> Exit {
@@ -145,7 +144,7 @@ mod tests {
         assert_eq!(exit_of(&Summary { degraded: vec![2], ..summary(3, 3, 0) }), Exit::Partly);
         assert_eq!(exit_of(&Summary { missing: "9".into(), ..summary(3, 3, 0) }), Exit::Partly);
         assert_eq!(exit_of(&Summary { failed: vec![1, 2, 3], ..summary(3, 0, 0) }), Exit::Nothing);
-        assert_eq!(exit_of(&Summary { stopped: Some(Error::Cancelled), ..summary(3, 1, 0) }), Exit::Partly);
+        assert_eq!(exit_of(&Summary { stopped: Some(crate::Error::Cancelled), ..summary(3, 1, 0) }), Exit::Partly);
         assert_eq!(exit_of(&Summary { interrupted: true, ..summary(3, 1, 0) }), Exit::Stopped);
     }
 }

@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::size::parse_size;
 use crate::engine::{Engine, Settings};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::io::sequence::Sequence;
 use crate::io::{Guides, Selection};
 use crate::plan::frames::FrameSet;
@@ -89,13 +89,9 @@ impl JobArgs {
         })
     }
 
-    /// The engine with its weights; sets the number of threads, so it is called once.
+    /// The engine with its weights.
     pub fn engine(&self) -> Result<Engine> {
-        if let Some(threads) = self.threads {
-            let built = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads)).build_global();
-            built.map_err(|e| Error::BadSetting { name: "threads", reason: e.to_string() })?;
-        }
-        let settings = Settings { memory: self.memory, ..Settings::default() };
+        let settings = Settings { memory: self.memory, threads: self.threads.map(usize::from), ..Settings::default() };
         match &self.model {
             Some(path) => Engine::from_file(path, settings),
             None => Engine::new(settings),

@@ -138,8 +138,8 @@ impl<'a> Run<'a> {
             let (decoded_in, decoded) = sync_channel(ahead);
             let (work, work_out) = sync_channel(0);
             let (written_in, written) = channel();
-            scope.spawn(move || decode(&order, plan, decoded_in));
-            scope.spawn(move || write(plan, keep_noisy, &work_out, &written_in));
+            scope.spawn(move || decode(&order, plan, engine, decoded_in));
+            scope.spawn(move || write(plan, keep_noisy, engine, &work_out, &written_in));
             self.compute(engine, cancel, &decoded, &work, &written);
             // Both threads end when their channels do; what the writer holds is written whole.
             drop((decoded, work));
@@ -345,10 +345,10 @@ fn decode_order(frames: &[PlannedFrame]) -> Vec<i64> {
 }
 
 /// The decoder thread; ends when nobody takes its frames any more.
-fn decode(order: &[i64], plan: &Plan, to: SyncSender<Decoded>) {
+fn decode(order: &[i64], plan: &Plan, engine: &Engine, to: SyncSender<Decoded>) {
     for &number in order {
         let Some(source) = plan.sources.good.get(&number) else { return };
-        let frame = source.read().and_then(|views| {
+        let frame = engine.in_pool(|| source.read()).and_then(|views| {
             let first = views.first().ok_or_else(|| Error::bad_file(&source.path, "holds no image"))?;
             let glance = Glance::of(first);
             Ok((views, glance))
@@ -360,13 +360,13 @@ fn decode(order: &[i64], plan: &Plan, to: SyncSender<Decoded>) {
 }
 
 /// The writer thread; ends with its input. After a full disk it takes frames no more.
-fn write(plan: &Plan, keep_noisy: bool, from: &Receiver<Work>, to: &Sender<Written>) {
+fn write(plan: &Plan, keep_noisy: bool, engine: &Engine, from: &Receiver<Work>, to: &Sender<Written>) {
     for Work { index, denoised, seconds } in from {
         let Some(frame) = plan.frames.get(index) else { return };
         let Some(source) = plan.sources.good.get(&frame.frame) else { return };
         let views: Vec<(&Resolved, &Denoised)> = source.views.iter().zip(&denoised).collect();
         let options = WriteOptions { keep_noisy, attributes: vec![("hush".into(), made_by(plan, frame))] };
-        let result = write_views(&source.layout, &views, &options, &frame.output);
+        let result = engine.in_pool(|| write_views(&source.layout, &views, &options, &frame.output));
         let over = result.as_ref().err().is_some_and(|e| frame.output.parent().is_some_and(|folder| ends_the_run(e, folder)));
         if to.send(Written { index, result, seconds }).is_err() || over {
             return;
