@@ -1,0 +1,90 @@
+# SPDX-FileCopyrightText: 2026 Hush authors
+# SPDX-License-Identifier: Apache-2.0
+"""What differs between Blender 4.2, 4.5 and 5.0, and nothing else."""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import bpy
+
+BLENDER_5 = bpy.app.version >= (5, 0, 0)
+# Blender 5 has the nodes that shading, geometry and compositing share under one name.
+MATH_NODE = "ShaderNodeMath" if BLENDER_5 else "CompositorNodeMath"
+ADD_MENU = "NODE_MT_compositor_node_add_all"
+
+
+class MixNode(NamedTuple):
+    """A colour mix node and its sockets: factor 0 gives `a`, factor 1 gives `b`."""
+
+    node: bpy.types.Node
+    factor: bpy.types.NodeSocket
+    a: bpy.types.NodeSocket
+    b: bpy.types.NodeSocket
+    result: bpy.types.NodeSocket
+
+
+def compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
+    """The scene's compositor tree, None where compositing is off or has no tree."""
+    if BLENDER_5:
+        return scene.compositing_node_group
+    return scene.node_tree if scene.use_nodes else None
+
+
+def ensure_compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree:
+    """The scene's compositor tree; a new one, Render Layers straight to the output, where there is none."""
+    tree = compositor_tree(scene)
+    if tree is not None:
+        return tree
+    if BLENDER_5:
+        tree = bpy.data.node_groups.new("Compositor Nodes", "CompositorNodeTree")
+        scene.compositing_node_group = tree
+    else:
+        scene.use_nodes = True
+        tree = scene.node_tree
+    if not tree.nodes:
+        layers = tree.nodes.new("CompositorNodeRLayers")
+        layers.scene = scene
+        output = output_node(tree)
+        output.location = (400, 0)
+        tree.links.new(layers.outputs["Image"], output.inputs[0])
+    return tree
+
+
+def output_node(tree: bpy.types.NodeTree) -> bpy.types.Node:
+    """The node that takes the finished image in its first input; made where there is none."""
+    kind = "NodeGroupOutput" if BLENDER_5 else "CompositorNodeComposite"
+    nodes = [node for node in tree.nodes if node.bl_idname == kind]
+    active = [node for node in nodes if getattr(node, "is_active_output", False)]
+    if BLENDER_5 and not any(item.item_type == "SOCKET" and item.in_out == "OUTPUT" for item in tree.interface.items_tree):
+        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+    return (active or nodes or [tree.nodes.new(kind)])[0]
+
+
+def new_mix(tree: bpy.types.NodeTree) -> MixNode:
+    """A new mix node."""
+    if BLENDER_5:
+        node = tree.nodes.new("ShaderNodeMix")
+        node.data_type = "RGBA"
+        return MixNode(node, node.inputs[0], node.inputs[6], node.inputs[7], node.outputs[2])
+    node = tree.nodes.new("CompositorNodeMixRGB")
+    return MixNode(node, node.inputs[0], node.inputs[1], node.inputs[2], node.outputs[0])
+
+
+def fcurves(owner: bpy.types.ID) -> Iterable[bpy.types.FCurve]:
+    """The F-curves of an ID's own action."""
+    animation = owner.animation_data
+    action = animation.action if animation else None
+    if action is None:
+        return []
+    slot = getattr(animation, "action_slot", None)
+    if slot is None or not hasattr(action, "layers"):
+        return getattr(action, "fcurves", [])
+    strips = [strip for layer in action.layers for strip in layer.strips]
+    bags = [strip.channelbag(slot) for strip in strips if hasattr(strip, "channelbag")]
+    return [curve for bag in bags if bag for curve in bag.fcurves]
+
+
+def working_space() -> str:
+    """The colour space that renders are in."""
+    space = getattr(bpy.data, "colorspace", None)
+    return getattr(space, "working_space", "") or "Linear Rec.709"
