@@ -1,0 +1,10 @@
+def draw_node(*a):
+    pass
+
+
+def register():
+    pass
+
+
+def unregister():
+    pass
