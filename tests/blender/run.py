@@ -107,9 +107,8 @@ def tail(log: Path, lines: int = 40) -> str:
 
 def validate(python: str, archive: Path) -> str | None:
     """What Blender's own check of extensions says against the zip, if anything."""
-    find = "import pathlib, bpy; print(next(pathlib.Path(bpy.__file__).parent.glob('*/scripts/addons_core/bl_pkg/cli/blender_ext.py')))"
-    script = subprocess.run([python, "-c", find], capture_output=True, text=True, check=True).stdout.splitlines()[-1]
-    result = subprocess.run([python, script, "validate", str(archive)], capture_output=True, text=True, check=False)
+    script = next(Path(python).parents[1].glob("lib/*/site-packages/bpy/*/scripts/addons_core/bl_pkg/cli/blender_ext.py"))
+    result = subprocess.run([python, str(script), "validate", str(archive)], capture_output=True, text=True, check=False)
     return f"{result.stdout}{result.stderr}" if result.returncode else None
 
 
