@@ -83,11 +83,17 @@ def switch_sockets(node: bpy.types.Node) -> tuple[bpy.types.NodeSocket, bpy.type
 
 def set_switch(node: bpy.types.Node, *, on: bool) -> None:
     """Turns a switch node, only where it is not so already, as Blender composites again after a change."""
+    if is_switched_on(node) == on:
+        return
     if BLENDER_5:
-        if node.inputs[0].default_value != on:
-            node.inputs[0].default_value = on
-    elif node.check != on:
+        node.inputs[0].default_value = on
+    else:
         node.check = on
+
+
+def is_switched_on(node: bpy.types.Node) -> bool:
+    """Whether a switch node shows what is at its input On."""
+    return node.inputs[0].default_value if BLENDER_5 else node.check
 
 
 def fcurves(owner: bpy.types.ID) -> Iterable[bpy.types.FCurve]:

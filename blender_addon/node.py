@@ -18,10 +18,13 @@ GUARD = "Is There a Picture"
 _NUMBER = re.compile(r"^(.*?)(\d+)(\D*)$")
 # Blender's own highest frame number.
 _LAST_FRAME = 1048574
+# Of the inner tree; one of another form is built anew.
+_FORM_KEY, _FORM = "hush_form", 1
+_why: dict[int, str] = {}
 
 
 def _retarget(self: "HushTemporalDenoiseNode", context: bpy.types.Context) -> None:
-    owners = [scene for scene in bpy.data.scenes if self in set(nodes(scene))]
+    owners = [scene for scene in bpy.data.scenes if any(node == self for node in nodes(scene))]
     sync_node(self, (owners or [context.scene])[0])
 
 
@@ -112,7 +115,7 @@ def sync_node(node: HushTemporalDenoiseNode, scene: bpy.types.Scene, *, reload: 
     elif node.node_tree.users > 1:
         node.node_tree = node.node_tree.copy()
     source = node.source_scene or scene
-    found = _any_file(source)
+    found = _any_file(source) if reload or not _is_loaded(node, source) else None
     if found is not None:
         _show(node, source, *found, reload=reload)
     switch_node(node, scene)
@@ -126,9 +129,23 @@ def switch(scene: bpy.types.Scene) -> None:
 
 def switch_node(node: HushTemporalDenoiseNode, scene: bpy.types.Scene) -> None:
     """The same for one node, at the scene's current frame."""
-    switch_inside = node.node_tree.nodes.get(SWITCH) if node.node_tree else None
-    if switch_inside is not None:
-        compat.set_switch(switch_inside, on=problem(node, scene) is None)
+    inside = node.node_tree.nodes.get(SWITCH) if node.node_tree else None
+    if inside is None:
+        return
+    wrong = problem(node, scene)
+    compat.set_switch(inside, on=wrong is None)
+    _why[node.node_tree.session_uid] = wrong or ""
+
+
+def is_on(node: HushTemporalDenoiseNode) -> bool:
+    """Whether the node shows the denoised frame; as it was last switched."""
+    inside = node.node_tree.nodes.get(SWITCH) if node.node_tree else None
+    return inside is not None and compat.is_switched_on(inside)
+
+
+def why_off(node: HushTemporalDenoiseNode) -> str:
+    """Why it does not, as found when it was last switched."""
+    return (_why.get(node.node_tree.session_uid) if node.node_tree else "") or "This frame is not denoised"
 
 
 def problem(node: HushTemporalDenoiseNode, scene: bpy.types.Scene) -> str | None:
@@ -141,7 +158,7 @@ def problem(node: HushTemporalDenoiseNode, scene: bpy.types.Scene) -> str | None
     frames = node.node_tree.nodes.get(FRAMES) if node.node_tree else None
     if frames is None or frames.image is None or not shows(frames.image, files[0], scene.frame_current):
         return "The denoised frames are not loaded"
-    if not any(link.is_valid for link in node.node_tree.links if link.from_node == frames):
+    if not _is_linked(frames):
         return "The denoised frames have no image of this view layer"
     sizes = {exr.size_if_whole(file) for file in files}
     if None in sizes:
@@ -151,6 +168,24 @@ def problem(node: HushTemporalDenoiseNode, scene: bpy.types.Scene) -> str | None
         width, height = sizes.pop()
         return f"This frame was denoised at {width} × {height}, the scene renders {wanted[0]} × {wanted[1]}"
     return None
+
+
+def _is_loaded(node: HushTemporalDenoiseNode, scene: bpy.types.Scene) -> bool:
+    """Whether the inner tree is as it should be for the scene's files."""
+    tree = node.node_tree
+    frames = tree.nodes.get(FRAMES)
+    if tree.get(_FORM_KEY) != _FORM or frames is None or frames.image is None:
+        return False
+    try:
+        file = shot.output_file(scene, scene.frame_current)
+    except shot.ShotError:
+        return False
+    layers = [node.view_layer] if node.view_layer else shot.layers(scene)
+    return shows(frames.image, file, scene.frame_current) and (not frames.has_layers or frames.layer in layers) and _is_linked(frames)
+
+
+def _is_linked(frames: bpy.types.Node) -> bool:
+    return any(link.is_valid and link.to_node.name == "Mix" for link in frames.id_data.links if link.from_node == frames)
 
 
 def render_size(scene: bpy.types.Scene) -> tuple[int, int] | None:
@@ -190,10 +225,11 @@ def _any_file(scene: bpy.types.Scene) -> tuple[Path, int] | None:
 
 def _show(node: HushTemporalDenoiseNode, scene: bpy.types.Scene, file: Path, frame: int, *, reload: bool) -> None:
     tree = node.node_tree
-    frames = tree.nodes.get(FRAMES)
-    if frames is None or tree.nodes.get(SWITCH) is None:
-        tree = node.node_tree = _build()
-        frames = tree.nodes[FRAMES]
+    if tree.get(_FORM_KEY) != _FORM or not all(name in tree.nodes for name in (FRAMES, SWITCH, GUARD, "Mix")):
+        node.node_tree = _build()
+        bpy.data.node_groups.remove(tree)
+        tree = node.node_tree
+    frames = tree.nodes[FRAMES]
     before = frames.image
     image = before if before and shows(before, file, frame) else _image(scene, file, frame)
     _set(image, "use_multiview", scene.render.use_multiview)
@@ -256,8 +292,8 @@ def _set(owner: object, name: str, value: object) -> None:
 def _build() -> bpy.types.NodeTree:
     """The tree inside a node: the switch between the incoming image and the denoised one.
 
-    A file that vanishes while its frame is rendered comes out opaque black, in Blender 4.2 magenta. The guard passes the incoming
-    image wherever the denoised one is exactly that, so that the node shows a picture then too, and also where the extension is not installed.
+    A file that vanishes while its frame is rendered comes out opaque black, in Blender 4.2 magenta. Where the denoised image is
+    exactly that, the guard passes the incoming one, also in a Blender without the extension.
     """
     tree = bpy.data.node_groups.new(".Hush Temporal Denoise", "CompositorNodeTree")
     for direction in ("INPUT", "OUTPUT"):
@@ -301,6 +337,7 @@ def _build() -> bpy.types.NodeTree:
     tree.links.new(mix.result, on)
     tree.links.new(result, out.inputs[0])
     compat.set_switch(switch_inside, on=False)
+    tree[_FORM_KEY] = _FORM
     return tree
 
 
