@@ -4,7 +4,9 @@
 
 import os
 import re
-from collections.abc import Iterator
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
@@ -12,15 +14,16 @@ from bpy.props import PointerProperty, StringProperty
 
 from . import compat, exr, shot
 
-FRAMES = "Denoised Frames"
-SWITCH = "Denoised or Incoming"
-GUARD = "Is There a Picture"
+FRAMES, GUARD, MIX = "Denoised Frames", "Is There a Picture", "Denoised or Incoming"
 _NUMBER = re.compile(r"^(.*?)(\d+)(\D*)$")
 # Blender's own highest frame number.
 _LAST_FRAME = 1048574
-# Of the inner tree; one of another form is built anew.
-_FORM_KEY, _FORM = "hush_form", 1
+# Offsets of the Image node: started at frame 0 and moved by one, the scene's frame is the number in the file's name.
+_HERE, _NOWHERE = -1, 1_000_000
+# Of the inner tree; one of another form, or made by another Blender, is built anew.
+_FORM_KEY, _FORM = "hush_form", 2 + 100 * compat.BLENDER_5
 _why: dict[int, str] = {}
+_plans: dict[int, "_Plan"] = {}
 
 
 def _retarget(self: "HushTemporalDenoiseNode", context: bpy.types.Context) -> None:
@@ -60,12 +63,13 @@ class HushTemporalDenoiseNode(bpy.types.CompositorNodeCustomGroup):
 
     def copy(self, original: bpy.types.Node) -> None:
         """A copy gets its own inner tree."""
-        self.node_tree = original.node_tree.copy() if original.node_tree else _build()
+        self.node_tree = _own_copy(original.node_tree) if original.node_tree else _build()
 
     def free(self) -> None:
         """Takes the inner tree along when the node is deleted."""
         tree = self.node_tree
         if tree is not None and tree.users <= 1 and tree.library is None:
+            clear_animation(tree)
             bpy.data.node_groups.remove(tree)
 
     def draw_label(self) -> str:
@@ -95,97 +99,116 @@ def nodes(scene: bpy.types.Scene) -> Iterator[HushTemporalDenoiseNode]:
                 waiting.append(node.node_tree)
 
 
-def sync(scene: bpy.types.Scene, *, reload: bool = False) -> None:
-    """Points the scene's nodes at its denoised frames; `reload` reads the files again, as after denoising.
+def sync(scene: bpy.types.Scene, *, fresh: bool = False, reload: bool = False) -> None:
+    """Points the scene's nodes at its denoised frames. Only from the main thread; cheap where nothing changed.
 
-    Only from the main thread.
+    `fresh` looks at each file; `reload` also reads the pixels again, as after denoising.
     """
     if reload:
-        exr.forget()
+        forget()
     for node in nodes(scene):
-        sync_node(node, scene, reload=reload)
+        sync_node(node, scene, fresh=fresh, reload=reload)
 
 
-def sync_node(node: HushTemporalDenoiseNode, scene: bpy.types.Scene, *, reload: bool = False) -> None:
+def sync_node(node: HushTemporalDenoiseNode, scene: bpy.types.Scene, *, fresh: bool = False, reload: bool = False) -> None:
     """Points one node at the frames of its scene."""
     if node.id_data.library is not None:
         return
-    if node.node_tree is None:
+    tree = node.node_tree
+    if tree is None or tree.get(_FORM_KEY) != _FORM or not all(name in tree.nodes for name in (FRAMES, GUARD, MIX)):
         node.node_tree = _build()
-    elif node.node_tree.users > 1:
-        node.node_tree = node.node_tree.copy()
+        if tree is not None and tree.users == 0:
+            bpy.data.node_groups.remove(tree)
+    elif tree.users > 1:
+        node.node_tree = _own_copy(tree)
     source = node.source_scene or scene
-    found = _any_file(source) if reload or not _is_loaded(node, source) else None
-    if found is not None:
-        _show(node, source, *found, reload=reload)
-    switch_node(node, scene)
-
-
-def switch(scene: bpy.types.Scene) -> None:
-    """Turns the scene's nodes to the denoised frame where it is there and whole, else to the incoming image."""
-    for node in nodes(scene):
-        switch_node(node, scene)
-
-
-def switch_node(node: HushTemporalDenoiseNode, scene: bpy.types.Scene) -> None:
-    """The same for one node, at the scene's current frame."""
-    inside = node.node_tree.nodes.get(SWITCH) if node.node_tree else None
-    if inside is None:
-        return
-    wrong = problem(node, scene)
-    compat.set_switch(inside, on=wrong is None)
-    _why[node.node_tree.session_uid] = wrong or ""
+    plan = _plan_of(source, fresh=fresh or reload)
+    if plan.frames:
+        _show(node, source, plan, reload=reload)
+    _set_frames_shown(node.node_tree, plan.frames if plan.reason is None and _is_linked(node.node_tree) else {})
+    _why[node.node_tree.session_uid] = plan.reason or ""
 
 
 def is_on(node: HushTemporalDenoiseNode) -> bool:
-    """Whether the node shows the denoised frame; as it was last switched."""
-    inside = node.node_tree.nodes.get(SWITCH) if node.node_tree else None
-    return inside is not None and compat.is_switched_on(inside)
+    """Whether the node shows a denoised frame at the current frame of the open scene."""
+    frames = node.node_tree.nodes.get(FRAMES) if node.node_tree else None
+    return frames is not None and frames.frame_offset == _HERE
 
 
 def why_off(node: HushTemporalDenoiseNode) -> str:
-    """Why it does not, as found when it was last switched."""
+    """Why it does not, in words."""
     return (_why.get(node.node_tree.session_uid) if node.node_tree else "") or "This frame is not denoised"
 
 
-def problem(node: HushTemporalDenoiseNode, scene: bpy.types.Scene) -> str | None:
-    """Why the node passes the incoming image at the current frame, None where it shows the denoised one."""
-    source = node.source_scene or scene
+@dataclass
+class _Plan:
+    """The denoised frames of a scene: the first view's files by frame; a reason where none can be shown.
+
+    It holds while the folder does not change, unless a file in it is not whole yet, and in any case for a rest after a slow look.
+    """
+
+    frames: dict[int, Path]
+    reason: str | None = None
+    growing: bool = False
+    key: object = None
+    changed: int = 0
+    until: float = 0.0
+
+
+def forget() -> None:
+    """The files changed: the next look is at the disk."""
+    exr.forget()
+    _plans.clear()
+
+
+def _plan_of(scene: bpy.types.Scene, *, fresh: bool) -> _Plan:
+    """The frames to show, found anew only when folder or settings changed."""
     try:
-        files = [shot.output_file(source, scene.frame_current, view) for view in shot.views(source)]
+        folder, views = shot.output_folder(scene), shot.views(scene)
+        patterns = [shot.frame_pattern(scene, view) for view in views]
     except shot.ShotError as error:
-        return str(error)
-    frames = node.node_tree.nodes.get(FRAMES) if node.node_tree else None
-    if frames is None or frames.image is None or not shows(frames.image, files[0], scene.frame_current):
-        return "The denoised frames are not loaded"
-    if not _is_linked(frames):
-        return "The denoised frames have no image of this view layer"
-    sizes = {exr.size_if_whole(file) for file in files}
-    if None in sizes:
-        return "This frame is not denoised"
-    wanted = render_size(source)
-    if wanted and sizes != {wanted}:
-        width, height = sizes.pop()
-        return f"This frame was denoised at {width} × {height}, the scene renders {wanted[0]} × {wanted[1]}"
-    return None
-
-
-def _is_loaded(node: HushTemporalDenoiseNode, scene: bpy.types.Scene) -> bool:
-    """Whether the inner tree is as it should be for the scene's files."""
-    tree = node.node_tree
-    frames = tree.nodes.get(FRAMES)
-    if tree.get(_FORM_KEY) != _FORM or frames is None or frames.image is None:
-        return False
+        return _Plan({}, str(error))
+    render = scene.render
+    if render.frame_map_old != render.frame_map_new:
+        return _Plan({}, "Time stretching is on, which files of frames cannot follow")
+    if any(char.isdigit() for pattern in patterns for char in pattern.stem.rpartition("#")[2]):
+        return _Plan({}, "The frame number must be the last number in the file names")
     try:
-        file = shot.output_file(scene, scene.frame_current)
-    except shot.ShotError:
-        return False
-    layers = [node.view_layer] if node.view_layer else shot.layers(scene)
-    return shows(frames.image, file, scene.frame_current) and (not frames.has_layers or frames.layer in layers) and _is_linked(frames)
+        changed = os.stat(folder).st_mtime_ns
+    except OSError:
+        return _Plan({}, "Nothing is denoised yet")
+    key = (folder, tuple(patterns), render_size(scene))
+    known = None if fresh else _plans.get(scene.session_uid)
+    if known and known.key == key and (known.changed == changed and not known.growing or time.monotonic() < known.until):
+        return known
+    began = time.monotonic()
+    plan = _plans[scene.session_uid] = _find(folder, patterns, render_size(scene))
+    now = time.monotonic()
+    plan.key, plan.changed, plan.until = key, changed, now + 50 * (now - began)
+    return plan
 
 
-def _is_linked(frames: bpy.types.Node) -> bool:
-    return any(link.is_valid and link.to_node.name == "Mix" for link in frames.id_data.links if link.from_node == frames)
+def _find(folder: Path, patterns: list[Path], wanted: tuple[int, int] | None) -> _Plan:
+    head, tail = re.split("#+", patterns[0].name)
+    frames, others, growing = {}, set(), False
+    for name in sorted(os.listdir(folder)):
+        number = name[len(head) : len(name) - len(tail)]
+        if not (name.startswith(head) and name.endswith(tail) and number.isdigit()):
+            continue
+        files = [folder / shot.frame_file(pattern, int(number)).name for pattern in patterns]
+        sizes = {exr.size_if_whole(file) for file in files}
+        if files[0].name != name:
+            continue
+        if None in sizes:
+            growing = True
+        elif wanted is None or sizes == {wanted}:
+            frames[int(number)] = files[0]
+        else:
+            others |= sizes
+    if others and not frames:
+        width, height = others.pop()
+        return _Plan({}, f"The frames were denoised at {width} × {height}, the scene renders {wanted[0]} × {wanted[1]}")
+    return _Plan(frames, None if frames else "Nothing is denoised yet", growing)
 
 
 def render_size(scene: bpy.types.Scene) -> tuple[int, int] | None:
@@ -197,41 +220,10 @@ def render_size(scene: bpy.types.Scene) -> tuple[int, int] | None:
     return render.resolution_x * percentage // 100, render.resolution_y * percentage // 100
 
 
-def shows(image: bpy.types.Image, file: Path, frame: int) -> bool:
-    """Whether the image, a sequence, shows the file at the frame."""
-    # Blender takes the last digits of a name for the frame number, wherever the render put it.
-    wanted, given = _NUMBER.match(file.name), _NUMBER.match(_path_of(image).name)
-    same = wanted and given and (wanted[1], wanted[3]) == (given[1], given[3]) and _path_of(image).parent == file.parent
-    return bool(same and int(wanted[2]) == frame)
-
-
-def _path_of(image: bpy.types.Image) -> Path:
-    return Path(bpy.path.abspath(image.filepath, library=image.library))
-
-
-def _any_file(scene: bpy.types.Scene) -> tuple[Path, int] | None:
-    """A denoised file that is whole and its frame, best of the current frame; None where there is none."""
-    try:
-        folder, pattern = shot.output_folder(scene), shot.frame_pattern(scene)
-        present = set(os.listdir(folder))
-    except (OSError, shot.ShotError):
-        return None
-    for frame in (scene.frame_current, *shot.frame_range(scene)):
-        name = shot.frame_file(pattern, frame).name
-        if name in present and exr.size_if_whole(folder / name):
-            return folder / name, frame
-    return None
-
-
-def _show(node: HushTemporalDenoiseNode, scene: bpy.types.Scene, file: Path, frame: int, *, reload: bool) -> None:
-    tree = node.node_tree
-    if tree.get(_FORM_KEY) != _FORM or not all(name in tree.nodes for name in (FRAMES, SWITCH, GUARD, "Mix")):
-        node.node_tree = _build()
-        bpy.data.node_groups.remove(tree)
-        tree = node.node_tree
-    frames = tree.nodes[FRAMES]
+def _show(node: HushTemporalDenoiseNode, scene: bpy.types.Scene, plan: _Plan, *, reload: bool) -> None:
+    frames = node.node_tree.nodes[FRAMES]
     before = frames.image
-    image = before if before and shows(before, file, frame) else _image(scene, file, frame)
+    image = before if before and _is_of(before, plan) else _image(scene, plan)
     _set(image, "use_multiview", scene.render.use_multiview)
     if image.use_multiview:
         _set(image, "views_format", "INDIVIDUAL" if shot.views(scene) != [""] else "MULTIVIEW")
@@ -242,16 +234,20 @@ def _show(node: HushTemporalDenoiseNode, scene: bpy.types.Scene, file: Path, fra
         frames.image = image
         if before is not None and before.users == 0:
             bpy.data.images.remove(before)
-    # Started at frame 0 and moved by one, the number in the file's name is the scene's frame.
-    for name, value in (("frame_start", 0), ("frame_offset", -1), ("frame_duration", _LAST_FRAME), ("use_auto_refresh", True)):
+    for name, value in (("frame_start", 0), ("frame_duration", _LAST_FRAME), ("use_auto_refresh", True)):
         _set(frames, name, value)
     _link(node, frames, scene)
 
 
-def _image(scene: bpy.types.Scene, file: Path, frame: int) -> bpy.types.Image:
+def _is_of(image: bpy.types.Image, plan: _Plan) -> bool:
+    """Whether the image is the sequence of the plan's files."""
+    return Path(bpy.path.abspath(image.filepath, library=image.library)) in plan.frames.values()
+
+
+def _image(scene: bpy.types.Scene, plan: _Plan) -> bpy.types.Image:
     """The image of a sequence of files: one that is there already, else a new one."""
     for image in bpy.data.images:
-        if image.source == "SEQUENCE" and image.library is None and shows(image, file, frame):
+        if image.source == "SEQUENCE" and image.library is None and _is_of(image, plan):
             return image
     image = bpy.data.images.new(f"Denoised {scene.name}", 1, 1)
     image.source = "SEQUENCE"
@@ -260,27 +256,83 @@ def _image(scene: bpy.types.Scene, file: Path, frame: int) -> bpy.types.Image:
     except TypeError:
         # A colour configuration without that name: no conversion at all is the same here.
         image.colorspace_settings.is_data = True
-    path = str(file)
+    path = str(next(iter(plan.frames.values())))
     relative = any(p.startswith("//") for p in (scene.render.filepath, scene.hush.input_folder, scene.hush.output_folder))
     image.filepath = bpy.path.relpath(path) if relative and bpy.data.is_saved else path
     return image
 
 
 def _link(node: HushTemporalDenoiseNode, frames: bpy.types.Node, scene: bpy.types.Scene) -> None:
-    """Connects the view layer's image."""
-    layers = [node.view_layer] if node.view_layer else shot.layers(scene)
-    for name in layers:
+    """Connects the view layer's image; nothing where the files do not have it."""
+    tree = node.node_tree
+    found = not frames.has_layers
+    for name in [] if found else [node.view_layer] if node.view_layer else shot.layers(scene):
         try:
             _set(frames, "layer", name)
-            break
         except TypeError:
             continue
-    tree = node.node_tree
-    wanted = next((frames.outputs[name] for name in ("Combined", "Image") if name in frames.outputs), None)
-    guard, mix = tree.nodes[GUARD], tree.nodes["Mix"]
-    for target in (guard.inputs[0], compat.mix_sockets(mix).b):
-        if wanted and (not target.is_linked or target.links[0].from_socket != wanted):
+        found = True
+        break
+    wanted = next((frames.outputs[name] for name in ("Combined", "Image") if name in frames.outputs), None) if found else None
+    for target in (tree.nodes[GUARD].inputs[0], compat.mix_sockets(tree.nodes[MIX]).b):
+        if wanted is None:
+            for link in target.links:
+                tree.links.remove(link)
+        elif not target.is_linked or target.links[0].from_socket != wanted:
             tree.links.new(wanted, target)
+
+
+def _is_linked(tree: bpy.types.NodeTree) -> bool:
+    """Whether the image of the view layer is connected."""
+    return compat.mix_sockets(tree.nodes[MIX]).b.is_linked
+
+
+def _set_frames_shown(tree: bpy.types.NodeTree, shown: Iterable[int]) -> None:
+    """Keys the Image node so that it finds files at these frames only.
+
+    Blender sees what Python changes right before a frame is rendered one frame too late, but keys at once; and files that are not
+    whole are never opened, which crashes some versions.
+    """
+    shown = set(shown)
+    frames = tree.nodes[FRAMES]
+    # From each of these frames on: here or nowhere.
+    keys = sorted({frame for n in shown for frame in (n, n + 1)})
+    wanted = [(float(min(shown) - 1), float(_NOWHERE))] if shown else []
+    for frame in keys:
+        value = float(_HERE if frame in shown else _NOWHERE)
+        if wanted[-1][1] != value:
+            wanted.append((float(frame), value))
+    curve = next((c for c in compat.fcurves(tree) if c.data_path == frames.path_from_id("frame_offset")), None)
+    if wanted == ([tuple(point.co) for point in curve.keyframe_points] if curve else []):
+        return
+    clear_animation(tree)
+    frames.frame_offset = _NOWHERE
+    if not wanted:
+        return
+    frames.keyframe_insert("frame_offset", frame=wanted[0][0])
+    curve = next(iter(compat.fcurves(tree)))
+    curve.keyframe_points.add(len(wanted) - 1)
+    for point, key in zip(curve.keyframe_points, wanted, strict=True):
+        point.co = key
+        point.interpolation = "CONSTANT"
+    curve.update()
+    current = bpy.context.scene.frame_current if bpy.context.scene else 0
+    frames.frame_offset = round(curve.evaluate(current))
+
+
+def clear_animation(tree: bpy.types.NodeTree) -> None:
+    """Takes a tree's keys away, and the action that held them."""
+    action = tree.animation_data.action if tree.animation_data else None
+    tree.animation_data_clear()
+    if action is not None and action.users == 0:
+        bpy.data.actions.remove(action)
+
+
+def _own_copy(tree: bpy.types.NodeTree) -> bpy.types.NodeTree:
+    """A copy with keys of its own."""
+    copied = tree.copy()
+    clear_animation(copied)
+    return copied
 
 
 def _set(owner: object, name: str, value: object) -> None:
@@ -290,10 +342,10 @@ def _set(owner: object, name: str, value: object) -> None:
 
 
 def _build() -> bpy.types.NodeTree:
-    """The tree inside a node: the switch between the incoming image and the denoised one.
+    """The tree inside a node: the denoised image, and the incoming one wherever there is none.
 
-    A file that vanishes while its frame is rendered comes out opaque black, in Blender 4.2 magenta. Where the denoised image is
-    exactly that, the guard passes the incoming one, also in a Blender without the extension.
+    Where no file is, Blender's Image node gives opaque black, in 4.2 magenta. Where the denoised image is exactly that, the guard
+    passes the incoming one; so a file that vanishes while its frame is rendered does no harm, nor does a Blender without Hush.
     """
     tree = bpy.data.node_groups.new(".Hush Temporal Denoise", "CompositorNodeTree")
     for direction in ("INPUT", "OUTPUT"):
@@ -324,19 +376,15 @@ def _build() -> bpy.types.NodeTree:
     magenta = math("MULTIPLY", math("COMPARE", red, 1.0, 0.0), math("COMPARE", blue, 1.0, 0.0))
     present = math("GREATER_THAN", math("ADD", light, see_through), math("MULTIPLY", magenta, 2.0))
     mix = compat.new_mix(tree)
-    mix.node.name = "Mix"
-    mix.node.location = (1300, 200)
-    switch_inside = add(compat.SWITCH_NODE, SWITCH, 1500, 300)
-    off, on, result = compat.switch_sockets(switch_inside)
-    out = add("NodeGroupOutput", "Result", 1700, 300)
+    mix.node.name = mix.node.label = MIX
+    mix.node.location = (1700, 200)
+    out = add("NodeGroupOutput", "Result", 1900, 200)
     tree.links.new(present, mix.factor)
     tree.links.new(incoming, mix.a)
-    tree.links.new(incoming, off)
-    tree.links.new(frames.outputs[0], guard.inputs[0])
-    tree.links.new(frames.outputs[0], mix.b)
-    tree.links.new(mix.result, on)
-    tree.links.new(result, out.inputs[0])
-    compat.set_switch(switch_inside, on=False)
+    tree.links.new(mix.result, out.inputs[0])
+    frames.frame_offset = _NOWHERE
+    # Not connected they must look like a missing file.
+    guard.inputs[0].default_value = mix.b.default_value = (0.0, 0.0, 0.0, 1.0)
     tree[_FORM_KEY] = _FORM
     return tree
 
@@ -349,4 +397,5 @@ def register() -> None:
 def unregister() -> None:
     """Takes the node away."""
     bpy.utils.unregister_class(HushTemporalDenoiseNode)
-    exr.forget()
+    forget()
+    _why.clear()
