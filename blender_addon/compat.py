@@ -88,3 +88,17 @@ def working_space() -> str:
     """The colour space that renders are in."""
     space = getattr(bpy.data, "colorspace", None)
     return getattr(space, "working_space", "") or "Linear Rec.709"
+
+
+def use_multilayer(settings: bpy.types.ImageFormatSettings) -> None:
+    """Sets an image format to multilayer OpenEXR."""
+    if hasattr(settings, "media_type"):
+        settings.media_type = "MULTI_LAYER_IMAGE"
+    settings.file_format = "OPEN_EXR_MULTILAYER"
+
+
+def use_image_format(settings: bpy.types.ImageFormatSettings, file_format: str) -> None:
+    """Sets an image format to one that holds a single image."""
+    if hasattr(settings, "media_type"):
+        settings.media_type = "IMAGE"
+    settings.file_format = file_format
