@@ -10,6 +10,7 @@ import bpy
 BLENDER_5 = bpy.app.version >= (5, 0, 0)
 # Blender 5 has the nodes that shading, geometry and compositing share under one name.
 MATH_NODE = "ShaderNodeMath" if BLENDER_5 else "CompositorNodeMath"
+SWITCH_NODE = "CompositorNodeSwitch"
 ADD_MENU = "NODE_MT_compositor_node_add_all"
 
 
@@ -62,12 +63,37 @@ def output_node(tree: bpy.types.NodeTree) -> bpy.types.Node:
 
 def new_mix(tree: bpy.types.NodeTree) -> MixNode:
     """A new mix node."""
+    node = tree.nodes.new("ShaderNodeMix" if BLENDER_5 else "CompositorNodeMixRGB")
     if BLENDER_5:
-        node = tree.nodes.new("ShaderNodeMix")
         node.data_type = "RGBA"
+    return mix_sockets(node)
+
+
+def mix_sockets(node: bpy.types.Node) -> MixNode:
+    """A mix node with its sockets."""
+    if BLENDER_5:
         return MixNode(node, node.inputs[0], node.inputs[6], node.inputs[7], node.outputs[2])
-    node = tree.nodes.new("CompositorNodeMixRGB")
     return MixNode(node, node.inputs[0], node.inputs[1], node.inputs[2], node.outputs[0])
+
+
+def switch_sockets(node: bpy.types.Node) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket, bpy.types.NodeSocket]:
+    """Of a switch node: the input when off, the input when on, the output."""
+    return node.inputs["Off"], node.inputs["On"], node.outputs[0]
+
+
+def set_switch(node: bpy.types.Node, *, on: bool) -> None:
+    """Turns a switch node, only where it is not so already, as Blender composites again after a change."""
+    if is_switched_on(node) == on:
+        return
+    if BLENDER_5:
+        node.inputs[0].default_value = on
+    else:
+        node.check = on
+
+
+def is_switched_on(node: bpy.types.Node) -> bool:
+    """Whether a switch node shows what is at its input On."""
+    return node.inputs[0].default_value if BLENDER_5 else node.check
 
 
 def fcurves(owner: bpy.types.ID) -> Iterable[bpy.types.FCurve]:

@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import addon_utils
@@ -64,7 +65,8 @@ def blender(code: str, *arguments: str | Path, enabled: bool = True, limit: floa
 def shot(kind: str = "plain") -> Path:
     """A folder with the rendered, noisy frames 1 to 5 of the tiny scene, frame_0001.exr …; rendered once a version. Only read it.
 
-    Kinds: `plain` has all passes; `bare` Combined only; `blur` motion blur and a second view layer `Vectors` without.
+    Kinds: `plain` has all passes; `bare` Combined only; `blur` motion blur and a second view layer `Vectors` without; `clean`
+    many samples, to compare with.
     """
     place = Path(os.environ["HUSH_SHOTS"]) / kind
     with open(f"{place}.lock", "w", encoding="utf-8") as lock:
@@ -100,14 +102,23 @@ def channels(path: Path) -> dict[str, np.ndarray]:
 
 
 def layer(path: Path, name: str, components: str = "RGB") -> np.ndarray:
-    """A pass, (height, width, components). A name without a view layer is found in any: `Combined`, `Vector`."""
+    """A pass, (height, width, components). The view layer may be left out where only one has the pass: `Combined`, `Vector`."""
     planes = channels(path)
-    found = [plane for plane in planes if plane == f"{name}.{components[0]}" or plane.endswith(f".{name}.{components[0]}")]
-    if not found and f"{name}.{components[0]}" not in planes and components[0] in planes and name == "":
-        found = [components[0]]
+    found = [plane for plane in planes if f".{plane}".endswith(f".{name}.{components[0]}")]
     assert len(found) == 1, f"{path.name} has {found or sorted(planes)} for {name}"
     prefix = found[0][: -len(components[0])]
     return np.stack([planes[prefix + component] for component in components], -1)
+
+
+def rewrite(path: Path, change: Callable[[str, np.ndarray], np.ndarray]) -> None:
+    """Replaces the pixels of each channel of an EXR file by `change(channel's name, pixels)`; all else stays."""
+    file = OpenEXR.File(str(path), separate_channels=True)
+    made = []
+    for part in file.parts:
+        header = {key: value for key, value in part.header.items() if key not in ("channels", "chunkCount")}
+        pixels = {name: np.ascontiguousarray(change(name, channel.pixels)) for name, channel in part.channels.items()}
+        made.append(OpenEXR.Part(header, {name: OpenEXR.Channel(name, plane) for name, plane in pixels.items()}, part.name()))
+    OpenEXR.File(made).write(str(path))
 
 
 def assert_close(image: np.ndarray, expected: np.ndarray, tolerance: float, what: str = "pixels") -> None:

@@ -105,6 +105,13 @@ def tail(log: Path, lines: int = 40) -> str:
     return "\n".join(log.read_text(encoding="utf-8", errors="replace").splitlines()[-lines:])
 
 
+def validate(python: str, archive: Path) -> str | None:
+    """What Blender's own check of extensions says against the zip, if anything."""
+    script = next(Path(python).parents[1].glob("lib/*/site-packages/bpy/*/scripts/addons_core/bl_pkg/cli/blender_ext.py"))
+    result = subprocess.run([python, str(script), "validate", str(archive)], capture_output=True, text=True, check=False)
+    return f"{result.stdout}{result.stderr}" if result.returncode else None
+
+
 def run_version(name: str, archive: Path, cases: list[Path], tally: Tally, keep: bool) -> None:
     """Installs the zip into a fresh user folder, then runs each case in its own process with a copy of that folder."""
     python = str(venvs.python_with_blender(name, Path(os.environ.get("HUSH_TEST_VENVS", TARGET / "bpy"))))
@@ -114,6 +121,9 @@ def run_version(name: str, archive: Path, cases: list[Path], tally: Tally, keep:
     log = folder / "install.log"
     (folder / "shots").mkdir(parents=True)
     user.mkdir()
+    began = time.perf_counter()
+    wrong = validate(python, archive)
+    tally.add(f"{name} validating the zip", time.perf_counter() - began, wrong)
     began = time.perf_counter()
     wrong = call([python, str(HERE / "install.py"), str(archive)], environment(user, folder, folder), folder, log, TIME_LIMIT)
     tally.add(f"{name} installing the zip", time.perf_counter() - began, f"{wrong}\n{tail(log)}" if wrong else None)

@@ -11,7 +11,7 @@ LAST = 5
 
 def build(kind: str = "plain") -> bpy.types.Scene:
     """Replaces what is in the open file. Kinds as in `kit.shot`."""
-    if kind not in ("plain", "bare", "blur"):
+    if kind not in ("plain", "bare", "blur", "clean"):
         raise ValueError(kind)
     bpy.ops.wm.read_homefile(use_empty=True)
     scene = bpy.context.scene
@@ -23,7 +23,7 @@ def build(kind: str = "plain") -> bpy.types.Scene:
     render.use_motion_blur = kind == "blur"
     scene.frame_start, scene.frame_end = 1, LAST
     cycles.device = "CPU"
-    cycles.samples, cycles.use_adaptive_sampling = 4, False
+    cycles.samples, cycles.use_adaptive_sampling = 256 if kind == "clean" else 4, False
     cycles.max_bounces = 2
     cycles.use_denoising = False
     cycles.use_animated_seed = True
