@@ -128,3 +128,9 @@ def use_image_format(settings: bpy.types.ImageFormatSettings, file_format: str) 
     if hasattr(settings, "media_type"):
         settings.media_type = "IMAGE"
     settings.file_format = file_format
+
+
+def strips(scene: bpy.types.Scene) -> bool:
+    """Whether the scene's Sequencer holds anything."""
+    editor = scene.sequence_editor
+    return bool(editor and (editor.strips_all if hasattr(editor, "strips_all") else editor.sequences_all))

@@ -177,9 +177,7 @@ def _motion_blur(scene: bpy.types.Scene, record: Record) -> list[str]:
         told.append(f"View layer {name} added: 1 sample, without motion blur, for the motion vectors")
     record.set(("hush",), "vector_layer", name)
     told.append(f"Motion vectors from view layer {name}")
-    if record.set(("render",), "use_single_layer", False):
-        told.append("Render Single Layer off")
-    return told
+    return told + _single_layer(scene, record)
 
 
 def _add_vector_layer(scene: bpy.types.Scene, blurred: list[bpy.types.ViewLayer]) -> str:
@@ -217,6 +215,17 @@ def _sequencer(scene: bpy.types.Scene, record: Record) -> list[str]:
     return ["Post Processing: Sequencer off"] if record.set(("render",), "use_sequencer", False) else []
 
 
+def _single_layer(scene: bpy.types.Scene, record: Record) -> list[str]:
+    return ["Render Single Layer off"] if record.set(("render",), "use_single_layer", False) else []
+
+
+def _vector_pass(scene: bpy.types.Scene, record: Record) -> list[str]:
+    name = vector_layer(scene)
+    wanted = {"use": True, "use_pass_vector": True, "use_motion_blur": False}
+    changed = [record.set(("view_layers", name), flag, value) for flag, value in wanted.items() if name]
+    return [f"View layer {name}: rendered, Vector on, motion blur off"] if any(changed) else []
+
+
 STEPS: dict[str, Callable[[bpy.types.Scene, Record], list[str]]] = {
     "engine": _engine,
     "camera": _camera,
@@ -225,6 +234,8 @@ STEPS: dict[str, Callable[[bpy.types.Scene, Record], list[str]]] = {
     "denoising": _denoising,
     "format": _format,
     "motion_blur": _motion_blur,
+    "single_layer": _single_layer,
+    "vector_pass": _vector_pass,
     "overwrite": _overwrite,
     "placeholders": _placeholders,
     "sequencer": _sequencer,
@@ -346,6 +357,8 @@ class HUSH_OT_fix(bpy.types.Operator):
         scene = scene_of(self, context)
         if scene is None:
             return {"CANCELLED"}
+        if self.key == "save" and not bpy.app.background:
+            return bpy.ops.wm.save_as_mainfile("INVOKE_DEFAULT") and {"FINISHED"}
         if self.key not in STEPS:
             self.report({"ERROR"}, f"There is no fix for {self.key or 'nothing'}; there are {', '.join(STEPS)}")
             return {"CANCELLED"}
