@@ -30,17 +30,21 @@ class Job:
         self.fraction = 0.0
         self.text = "Starting"
         self.warnings: list[str] = []
-        self.errors: list[str] = []
+        self._bad: dict[tuple[int, int | None], str] = {}
         self.results: list[dict[str, Any]] = []
         self.ended = False
         self.cancelled = False
         self.began = time.monotonic()
-        self._frames = max(1, len(runs))
         self._runs = max(1, len(runs))
         self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._last_words: deque[str] = deque(maxlen=20)
         self._said_the_end = False
         self._process = self._start(runs)
+
+    @property
+    def errors(self) -> list[str]:
+        """What went wrong, first what concerns the whole run."""
+        return [self._bad[key] for key in sorted(self._bad, key=lambda key: key[1] is not None)]
 
     @property
     def seconds(self) -> float:
@@ -125,7 +129,6 @@ class Job:
     def _take(self, event: dict[str, Any]) -> None:
         kind, run = event.get("event"), event.get("run", 0)
         if kind == "start":
-            self._frames = max(1, event.get("todo") or 1)
             self.text = f"Denoising {event.get('todo', 0)} frames"
         elif kind == "working":
             if not self.cancelled:
@@ -134,14 +137,14 @@ class Job:
             done, frames = event.get("finished", 0), max(1, event.get("frames") or 1)
             self.fraction = min(1.0, (run + done / frames) / self._runs)
             if event.get("status") == "failed":
-                self.errors.append(f"Frame {event['frame']}: {event.get('reason') or 'failed'}")
+                self._bad.setdefault((run, event["frame"]), f"Frame {event['frame']}: {event.get('reason') or 'failed'}")
         elif kind == "warning":
             self.warnings.append(event.get("message", ""))
-        elif kind == "error" and not (event.get("frame") is not None and self.errors):
-            self.errors.append(event.get("message", ""))
+        elif kind == "error":
+            self._bad[run, event.get("frame")] = event.get("message", "")
         elif kind == "refused":
             self._said_the_end = True
-            self.errors.append(event.get("message", ""))
+            self._bad[run, None] = event.get("message", "")
         elif kind == "finished":
             self._said_the_end = True
             self.results = event.get("results", [])
@@ -163,7 +166,9 @@ class Job:
             why = "it was killed" + (", most likely as memory ran out" if code == -9 else f" by signal {-code}")
         else:
             why = f"exit code {code}" + (f": {words}" if words else "")
-        self.errors.append(f"The process that denoises ended before its time: {why}. Frames that were finished are kept")
+        self._bad[0, None] = (
+            f"The process that denoises ended before its time: {why}. Frames that were finished are kept"
+        )
 
 
 def current() -> Job | None:
