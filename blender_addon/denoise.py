@@ -88,13 +88,18 @@ def _names_a_file(path: Path) -> bool:
 def _check_output(inputs: Path, output: Path, target: str) -> None:
     folder = inputs if inputs.is_dir() else inputs.parent
     if folder.resolve() == output.resolve():
-        raise DenoiseError(f"The denoised frames would replace the rendered ones in {folder}: choose another folder, such as {folder / 'denoised'}")
+        advice = f"choose another folder, such as {folder / 'denoised'}"
+        raise DenoiseError(f"The denoised frames would replace the rendered ones in {folder}: {advice}")
     name = Path(target).name if target and _names_a_file(Path(bpy.path.abspath(target))) else ""
-    if name and not inputs.is_dir() and _LAST_DIGITS.sub("#", name.replace("#", "0")) != _LAST_DIGITS.sub("#", inputs.name.replace("#", "0")):
+    if name and not inputs.is_dir() and _without_number(name) != _without_number(inputs.name):
         raise DenoiseError(f"Denoised frames keep the names of the rendered ones ({inputs.name}), so {name} cannot be used: give a folder")
     wrong = check.why_not_writable(output)
     if wrong:
         raise DenoiseError(wrong)
+
+
+def _without_number(name: str) -> str:
+    return _LAST_DIGITS.sub("#", name.replace("#", "0"))
 
 
 def _example(inputs: Path) -> str | None:

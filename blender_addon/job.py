@@ -166,9 +166,7 @@ class Job:
             why = "it was killed" + (", most likely as memory ran out" if code == -9 else f" by signal {-code}")
         else:
             why = f"exit code {code}" + (f": {words}" if words else "")
-        self._bad[0, None] = (
-            f"The process that denoises ended before its time: {why}. Frames that were finished are kept"
-        )
+        self._bad[0, None] = f"The process that denoises ended before its time: {why}. Frames that were finished are kept"
 
 
 def current() -> Job | None:
