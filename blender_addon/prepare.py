@@ -152,6 +152,7 @@ def _denoising(scene: bpy.types.Scene, record: Record) -> list[str]:
 def _format(scene: bpy.types.Scene, record: Record) -> list[str]:
     told = []
     with record.watching(("render", "image_settings"), _IMAGE_SETTINGS) as settings:
+        depth = settings.color_depth
         if settings.file_format != "OPEN_EXR_MULTILAYER":
             compat.use_multilayer(settings)
             settings.exr_codec = "ZIP"
@@ -159,8 +160,8 @@ def _format(scene: bpy.types.Scene, record: Record) -> list[str]:
         elif settings.exr_codec not in LOSSLESS:
             settings.exr_codec = "ZIP"
             told.append("Output: codec ZIP")
-        if settings.color_depth != "32":
-            settings.color_depth = "32"
+        settings.color_depth = "32"
+        if depth != "32":
             told.append("Output: 32 bit")
     return told
 
@@ -264,22 +265,29 @@ def undo(scene: bpy.types.Scene) -> list[str]:
     """Puts back what was there before; what was changed by hand since stays. Tells what could not be put back."""
     record = Record(scene)
     told = []
-    for path, name, before, after in record.values:
+    # All are looked at before any is set: setting one, such as the file format, changes others.
+    by_hand = [entry for entry in record.values if _now(record, entry) not in entry[2:]]
+    for entry in record.values:
+        path, name, before, _ = entry
         owner = record.owner(tuple(path))
-        if owner is None or not hasattr(owner, name):
+        if owner is None:
             told.append(f"{' › '.join(path)} is gone")
-        elif getattr(owner, name) == after:
+        elif entry in by_hand:
+            told.append(f"{' › '.join((*path, name))} was changed since and stays as it is")
+        else:
             try:
                 setattr(owner, name, before)
             except (TypeError, AttributeError) as error:
                 told.append(f"{name} could not be put back: {error}")
-        elif getattr(owner, name) != before:
-            told.append(f"{' › '.join((*path, name))} was changed since and stays as it is")
     layer = scene.view_layers.get(record.vector_layer or "")
     if layer is not None and len(scene.view_layers) > 1:
         scene.view_layers.remove(layer)
     scene.hush.prepared = ""
     return told
+
+
+def _now(record: Record, entry: list[Any]) -> object:
+    return getattr(record.owner(tuple(entry[0])), entry[1], None)
 
 
 def scene_of(operator: bpy.types.Operator, context: bpy.types.Context) -> bpy.types.Scene | None:
