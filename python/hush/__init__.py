@@ -6,14 +6,17 @@ For files: `denoise_sequence`, `plan_sequence`, `inspect`. For images in memory:
 from __future__ import annotations
 
 from ._command import main
-from ._hush import LAMBDA_RANGE, MAX_WINDOW, HushError, __version__
+from ._hush import LAMBDA_RANGE, MAX_WINDOW, Denoised, Denoiser, HushError, __version__, denoise
 from ._sequence import denoise_sequence, inspect, plan_sequence
 
 __all__ = [
     "LAMBDA_RANGE",
     "MAX_WINDOW",
+    "Denoised",
+    "Denoiser",
     "HushError",
     "__version__",
+    "denoise",
     "denoise_sequence",
     "inspect",
     "main",

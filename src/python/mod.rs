@@ -1,6 +1,8 @@
 //! The Python module's private half, `hush._hush`; the public half is `python/hush`. It translates and decides nothing.
 
+mod arrays;
 mod command;
+mod denoiser;
 mod errors;
 mod sequence;
 mod settings;
@@ -15,6 +17,9 @@ fn _hush(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("LAMBDA_RANGE", LAMBDA_RANGE)?;
     m.add("MAX_WINDOW", MAX_WINDOW)?;
     m.add("HushError", m.py().get_type::<errors::HushError>())?;
+    m.add_class::<denoiser::Denoiser>()?;
+    m.add_class::<denoiser::Denoised>()?;
+    m.add_function(wrap_pyfunction!(denoiser::denoise, m)?)?;
     m.add_function(wrap_pyfunction!(command::main, m)?)?;
     m.add_function(wrap_pyfunction!(sequence::inspect, m)?)?;
     m.add_function(wrap_pyfunction!(sequence::plan_sequence, m)?)?;

@@ -255,7 +255,7 @@ fn plan_frames(
              --overwrite to replace them",
             foreign.len()
         );
-        return Err(Error::BadInput { input: first.display().to_string(), reason });
+        return Err(Error::io(first, std::io::Error::new(std::io::ErrorKind::AlreadyExists, reason)));
     }
     Ok(frames)
 }
