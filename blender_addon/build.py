@@ -71,9 +71,13 @@ def checked(wheel: Path) -> Path:
     expected = f"{DISTRIBUTION}-{version()}-cp311-abi3-"
     if not wheel.name.startswith(expected):
         raise BuildError(f"{wheel.name}: a wheel of this version starts with {expected}")
-    with zipfile.ZipFile(wheel) as archive:
-        if archive.testzip() is not None:
-            raise BuildError(f"{wheel} is damaged")
+    try:
+        with zipfile.ZipFile(wheel) as archive:
+            broken = archive.testzip()
+    except zipfile.BadZipFile as error:
+        raise BuildError(f"{wheel} is damaged: {error}") from error
+    if broken is not None:
+        raise BuildError(f"{wheel} is damaged: {broken}")
     return wheel
 
 

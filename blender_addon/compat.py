@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What differs between Blender 4.2, 4.5 and 5.0, and nothing else."""
 
+import os
 from collections.abc import Iterable
 from typing import NamedTuple
 
@@ -93,3 +94,51 @@ def working_space() -> str:
     """The colour space that renders are in."""
     space = getattr(bpy.data, "colorspace", None)
     return getattr(space, "working_space", "") or "Linear Rec.709"
+
+
+def use_multilayer(settings: bpy.types.ImageFormatSettings) -> None:
+    """Sets an image format to multilayer OpenEXR."""
+    if hasattr(settings, "media_type"):
+        settings.media_type = "MULTI_LAYER_IMAGE"
+    settings.file_format = "OPEN_EXR_MULTILAYER"
+
+
+def use_image_format(settings: bpy.types.ImageFormatSettings, file_format: str) -> None:
+    """Sets an image format to one that holds a single image."""
+    if hasattr(settings, "media_type"):
+        settings.media_type = "IMAGE"
+    settings.file_format = file_format
+
+
+def strips(scene: bpy.types.Scene) -> bool:
+    """Whether the scene's Sequencer holds anything."""
+    editor = scene.sequence_editor
+    return bool(editor and (editor.strips_all if hasattr(editor, "strips_all") else editor.sequences_all))
+
+
+def own_compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree:
+    """Gives a copy of a scene a compositor tree of its own; 4.x does so by itself."""
+    if BLENDER_5:
+        scene.compositing_node_group = scene.compositing_node_group.copy()
+    return compositor_tree(scene)
+
+
+def remove_with_tree(scene: bpy.types.Scene) -> None:
+    """Removes a scene and the compositor tree that only it has."""
+    tree = scene.compositing_node_group if BLENDER_5 else None
+    bpy.data.scenes.remove(scene)
+    if tree is not None and tree.users == 0:
+        bpy.data.node_groups.remove(tree)
+
+
+def written_by(node: bpy.types.Node) -> list[str]:
+    """Where a File Output node writes OpenEXR files: absolute paths up to the frame number."""
+    if not node.format.file_format.startswith("OPEN_EXR"):
+        return []
+    multilayer = node.format.file_format == "OPEN_EXR_MULTILAYER"
+    if BLENDER_5:
+        names = [node.file_name] if multilayer else [node.file_name, *(node.file_name + item.name for item in node.file_output_items)]
+        paths = [os.path.join(node.directory, name) for name in names]
+    else:
+        paths = [node.base_path] if multilayer else [os.path.join(node.base_path, slot.path) for slot in node.file_slots]
+    return [bpy.path.abspath(path).rstrip("#") for path in paths]

@@ -15,6 +15,11 @@ WINDOWS = (
     ("3", "3 Frames", "Three frames on each side help; slower, wants more memory"),
 )
 
+COMPOSITE_FORMATS = (
+    ("OPEN_EXR", "OpenEXR", "Half float, scene linear; for further work"),
+    ("PNG", "PNG", "16 bit, with the view transform; for looking at"),
+)
+
 
 def _changed(self: "HushShot", _context: bpy.types.Context) -> None:
     status.touch(self.id_data)
@@ -57,6 +62,19 @@ class HushShot(bpy.types.PropertyGroup):
         subtype="DIR_PATH",
         options=set(),
         update=_changed,
+    )
+    composite_folder: StringProperty(
+        name="Composited Frames",
+        description="Folder for the frames of Composite Denoised. Empty: a folder named composited beside the noisy frames",
+        subtype="DIR_PATH",
+        options=set(),
+    )
+    composite_format: EnumProperty(
+        name="Format",
+        description="File format of the composited frames",
+        items=COMPOSITE_FORMATS,
+        default="OPEN_EXR",
+        options=set(),
     )
     use_light_passes: BoolProperty(
         name="Light Passes",

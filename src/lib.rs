@@ -13,9 +13,11 @@ pub mod kernels;
 pub mod metrics;
 pub mod network;
 pub mod plan;
+#[cfg(feature = "python")]
+mod python;
 pub mod shot;
 pub mod simd;
 
 pub use engine::{Denoised, EncodedFrame, Engine, Settings};
 pub use error::{Error, Result};
-pub use frame::{Aov, Frame};
+pub use frame::{Aov, Frame, FrameView};

@@ -86,7 +86,7 @@ fn tiles_do_not_change_the_result() {
 
 #[test]
 fn tiles_do_not_change_the_result_of_the_embedded_model() {
-    let engine = |memory| Engine::new(hush::Settings { memory, isa: None }).unwrap();
+    let engine = |memory| Engine::new(hush::Settings { memory, ..hush::Settings::default() }).unwrap();
     assert_same("one tile and many", &middle(&engine(None), 40, 520, 1), &middle(&engine(Some(0)), 40, 520, 1));
 }
 

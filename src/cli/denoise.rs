@@ -4,15 +4,12 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::job_args::JobArgs;
 use super::progress::{Mode, Progress};
-use super::size::parse_size;
-use super::{Exit, print, print_json, say};
-use crate::engine::{Engine, Settings};
-use crate::error::{Error, Result};
+use super::{CatchSignals, Exit, Handler, print, print_json, say};
+use crate::error::Result;
 use crate::io::sequence::Sequence;
-use crate::io::{Guides, Selection};
-use crate::plan::frames::FrameSet;
-use crate::shot::{Action, CancelToken, Event, Job, ModelId, Plan, Summary, remove_unfinished, run};
+use crate::shot::{Action, CancelToken, Event, Job, Plan, Summary, remove_unfinished, run};
 
 /// Denoises the frames of a shot
 ///
@@ -27,60 +24,14 @@ pub(super) struct DenoiseArgs {
     /// Folders are not searched deeper, so the output folder may be a new one inside the input folder.
     #[arg(required = true, value_name = "INPUT")]
     inputs: Vec<PathBuf>,
-    /// Folder to write to; never the one with the inputs
-    #[arg(short, long, value_name = "DIR")]
-    output: PathBuf,
-    /// From 1 (cleanest) to 64 (keeps grain and the detail hidden in it)
-    #[arg(short, long, default_value_t = 1.0, allow_negative_numbers = true)]
-    lambda: f32,
-    /// Frames on each side that help, 0 to 3 [default: 2 where there is a Vector pass, else 0]
-    #[arg(short, long)]
-    window: Option<usize>,
-    /// Frames to write, such as 1-48,60; frames beside them still help [default: all]
-    #[arg(short, long, allow_hyphen_values = true)]
-    frames: Option<FrameSet>,
-    /// View layer to denoise [default: the one with the most samples]
-    #[arg(long, value_name = "NAME")]
-    layer: Option<String>,
-    /// Stereo view to denoise [default: all]
-    #[arg(long, value_name = "NAME")]
-    view: Option<String>,
-    /// View layer to take the Vector pass from, such as one without motion blur
-    #[arg(long, value_name = "NAME")]
-    vector_layer: Option<String>,
-    /// Light pass to denoise along, such as "Diffuse Direct", or all; may be given several times
-    #[arg(long = "aov", value_name = "NAME|all")]
-    aovs: Vec<String>,
-    /// Do without the Denoising Albedo
-    #[arg(long)]
-    no_albedo: bool,
-    /// Do without the Denoising Normal
-    #[arg(long)]
-    no_normal: bool,
-    /// Do without depth
-    #[arg(long)]
-    no_depth: bool,
-    /// Do without motion vectors, and so without neighbours
-    #[arg(long)]
-    no_vector: bool,
-    /// Keep the input beside the result as "Noisy Image"
-    #[arg(long)]
-    keep_noisy: bool,
+    #[command(flatten)]
+    job: JobArgs,
     /// Write every frame again, also over files that Hush did not write
     #[arg(long)]
     overwrite: bool,
     /// Stop at the first bad or missing frame
     #[arg(long)]
     strict: bool,
-    /// Memory for the frames in the window and the computing, such as 4G; reading and writing come on top [default: 3.1G]
-    #[arg(long, value_name = "SIZE", value_parser = parse_size)]
-    memory: Option<u64>,
-    /// Threads for computing [default: all cores]
-    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=4096))]
-    threads: Option<u16>,
-    /// Other weights, a safetensors file
-    #[arg(long, value_name = "FILE")]
-    model: Option<PathBuf>,
     /// Say nothing but errors
     #[arg(short, long, conflicts_with = "json")]
     quiet: bool,
@@ -93,10 +44,10 @@ pub(super) struct DenoiseArgs {
 }
 
 /// Runs the subcommand.
-pub(super) fn denoise(args: DenoiseArgs) -> Result<Exit> {
+pub(super) fn denoise(args: &DenoiseArgs, catch_signals: CatchSignals) -> Result<Exit> {
     let mode = Mode::choose(args.quiet, args.json);
     let progress = Progress::new(mode);
-    let done = denoise_with(args, mode, &progress);
+    let done = denoise_with(args, mode, &progress, catch_signals);
     match done {
         // A machine that reads events finds this one there too.
         Err(error) if mode == Mode::Json => {
@@ -107,10 +58,10 @@ pub(super) fn denoise(args: DenoiseArgs) -> Result<Exit> {
     }
 }
 
-fn denoise_with(args: DenoiseArgs, mode: Mode, progress: &Progress) -> Result<Exit> {
-    let (dry_run, threads, memory, model) = (args.dry_run, args.threads, args.memory, args.model.clone());
-    let job = args.into_job()?;
-    if dry_run {
+fn denoise_with(args: &DenoiseArgs, mode: Mode, progress: &Progress, catch_signals: CatchSignals) -> Result<Exit> {
+    let sequence = Sequence::find(&args.inputs)?;
+    let job = Job { overwrite: args.overwrite, strict: args.strict, ..args.job.job(sequence)? };
+    if args.dry_run {
         let plan = Plan::new(&job)?;
         if mode == Mode::Json {
             print_json(&plan)
@@ -119,60 +70,24 @@ fn denoise_with(args: DenoiseArgs, mode: Mode, progress: &Progress) -> Result<Ex
         }
         return Ok(Exit::Good);
     }
-    if let Some(threads) = threads {
-        let built = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads)).build_global();
-        built.map_err(|e| Error::BadSetting { name: "threads", reason: e.to_string() })?;
-    }
-    let settings = Settings { memory, ..Settings::default() };
-    let engine = match &model {
-        Some(path) => Engine::from_file(path, settings)?,
-        None => Engine::new(settings)?,
-    };
+    let engine = args.job.engine()?;
     let cancel = CancelToken::new();
-    stop_on_signal(&cancel, &job.output)?;
+    catch_signals(stop_handler(&cancel, &job.output))?;
     let summary = run(&job, &engine, &|event| progress.report(&event), &cancel)?;
     Ok(exit_of(&summary))
 }
 
-impl DenoiseArgs {
-    fn into_job(self) -> Result<Job> {
-        let sequence = Sequence::find(&self.inputs)?;
-        let guides = Guides { albedo: !self.no_albedo, normal: !self.no_normal, depth: !self.no_depth, vector: !self.no_vector };
-        let selection = Selection {
-            layer: self.layer,
-            view: self.view,
-            vector_layer: self.vector_layer,
-            guides,
-            aovs: self.aovs,
-            ..Selection::default()
-        };
-        let model = self.model.as_deref().map_or(Ok(ModelId::embedded()), ModelId::of_file)?;
-        Ok(Job {
-            frames: self.frames,
-            lambda: self.lambda,
-            window: self.window,
-            selection,
-            keep_noisy: self.keep_noisy,
-            overwrite: self.overwrite,
-            strict: self.strict,
-            model,
-            ..Job::new(sequence, self.output)
-        })
-    }
-}
-
 /// The first signal lets the frame in hand be finished, the second ends the process at once.
-fn stop_on_signal(cancel: &CancelToken, output: &Path) -> Result<()> {
+fn stop_handler(cancel: &CancelToken, output: &Path) -> Handler {
     let (cancel, output) = (cancel.clone(), output.to_path_buf());
-    let handler = move || {
+    Box::new(move || {
         if cancel.is_cancelled() {
             remove_unfinished(&output);
             std::process::exit(Exit::Stopped as i32);
         }
         cancel.cancel();
         say("stopping after the frame in hand; once more stops at once");
-    };
-    ctrlc::set_handler(handler).map_err(|e| Error::BadInput { input: "signal handler".into(), reason: e.to_string() })
+    })
 }
 
 fn exit_of(summary: &Summary) -> Exit {
@@ -195,7 +110,7 @@ fn show(job: &Job, plan: &Plan) {
         job.output.display(),
         plan.frames.len(),
         plan.settings.window,
-        plan.settings.lambda
+        job.lambda
     ));
     for warning in &plan.warnings {
         print(format_args!("warning: {}", warning.message));
@@ -229,7 +144,7 @@ mod tests {
         assert_eq!(exit_of(&Summary { degraded: vec![2], ..summary(3, 3, 0) }), Exit::Partly);
         assert_eq!(exit_of(&Summary { missing: "9".into(), ..summary(3, 3, 0) }), Exit::Partly);
         assert_eq!(exit_of(&Summary { failed: vec![1, 2, 3], ..summary(3, 0, 0) }), Exit::Nothing);
-        assert_eq!(exit_of(&Summary { stopped: Some(Error::Cancelled), ..summary(3, 1, 0) }), Exit::Partly);
+        assert_eq!(exit_of(&Summary { stopped: Some(crate::Error::Cancelled), ..summary(3, 1, 0) }), Exit::Partly);
         assert_eq!(exit_of(&Summary { interrupted: true, ..summary(3, 1, 0) }), Exit::Stopped);
     }
 }

@@ -11,7 +11,8 @@ pub const SMALL_MODEL: &[u8] = include_bytes!("../data/golden_model.safetensors"
 
 /// The small network.
 pub fn small_with(isa: Option<Isa>, memory: Option<u64>) -> Engine {
-    Engine::from_weights(&Weights::from_bytes("golden", SMALL_MODEL).unwrap(), Settings { isa, memory }).unwrap()
+    Engine::from_weights(&Weights::from_bytes("golden", SMALL_MODEL).unwrap(), Settings { isa, memory, ..Settings::default() })
+        .unwrap()
 }
 
 /// The small network with default settings.
