@@ -129,7 +129,7 @@ def _draw_composite(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     row = _step(layout, None, "hush.composite_shot", "4. Composite Denoised")
     row.enabled = has_node
     if not has_node:
-        layout.operator("hush.add_node", icon=node.HushTemporalDenoiseNode.bl_icon)
+        layout.operator("hush.add_node", icon=node.ICON)
 
 
 def _step(layout: bpy.types.UILayout, done: bool | None, operator: str, text: str, **arguments: object) -> bpy.types.UILayout:
@@ -154,7 +154,7 @@ def sentence(text: str) -> str:
     return text[:1].upper() + text[1:] if not text.startswith("λ") else text
 
 
-def draw_node(which: node.HushTemporalDenoiseNode, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+def draw_node(which: node.TemporalDenoise, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
     """The inside of the node: dial, window, frames, how far, and the buttons."""
     refresh.request()
     scene = which.source_scene or context.scene
@@ -172,7 +172,7 @@ def draw_node(which: node.HushTemporalDenoiseNode, context: bpy.types.Context, l
     if not node.is_on(which):
         _paragraph(column, f"{node.why_off(which)}: the image passes through", which.width, icon="INFO")
     column = layout.column(align=True)
-    column.operator("hush.denoise_shot", icon=node.HushTemporalDenoiseNode.bl_icon).scene = scene.name
+    column.operator("hush.denoise_shot", icon=node.ICON).scene = scene.name
     column.operator("hush.composite_shot", icon="RENDER_ANIMATION")
 
 

@@ -154,5 +154,7 @@ def registered() -> set[str]:
             found |= {f"handler {name} {handler.__module__}.{handler.__qualname__}" for handler in handlers}
     for name in dir(bpy.types):
         draw = getattr(getattr(getattr(bpy.types, name), "draw", None), "_draw_funcs", [])
-        found |= {f"entry {name} {function.__module__}.{function.__qualname__}" for function in draw}
+        # Blender lists a menu's own function too, once something was added to it.
+        added = [function for function in draw if not function.__module__.startswith("bl_ui.")]
+        found |= {f"entry {name} {function.__module__}.{function.__qualname__}" for function in added}
     return found
