@@ -391,6 +391,12 @@ def _build() -> bpy.types.NodeTree:
 
 def register() -> None:
     """Adds the node."""
+    global HushTemporalDenoiseNode
+    base = bpy.types.CompositorNodeCustomGroup
+    if HushTemporalDenoiseNode.__bases__ != (base,):
+        # Blender forgets the base class when a subclass is unregistered, and refuses subclasses of the forgotten one.
+        body = {name: value for name, value in vars(HushTemporalDenoiseNode).items() if name not in ("__dict__", "__weakref__")}
+        HushTemporalDenoiseNode = type("HushTemporalDenoiseNode", (base,), body)
     bpy.utils.register_class(HushTemporalDenoiseNode)
 
 

@@ -28,8 +28,10 @@ def test_on_and_off_twice() -> None:
         assert len(leftovers()) >= 5, leftovers()
         assert hasattr(bpy.context.scene, "hush")
         kit.disable()
-        assert sorted(kit.registered() - before) == []
-        assert sorted(before - kit.registered()) == []
+        left = sorted(kit.registered() - before)
+        assert left == [], left
+        lost = sorted(before - kit.registered())
+        assert lost == [], lost
 
 
 def test_scenes_keep_their_settings_over_off_and_on() -> None:
