@@ -55,7 +55,7 @@ def blender(code: str, *arguments: str | Path, enabled: bool = True, limit: floa
 
     The extension is on unless `enabled` is False; `sys.argv[1:]` are the arguments. Fails on another exit code than 0.
     """
-    start = "import kit; kit.enable()\n" if enabled else ""
+    start = "import bpy, kit; kit.enable()\n" if enabled else ""
     command = [sys.executable, "-c", start + code, *map(str, arguments)]
     result = subprocess.run(command, capture_output=True, text=True, timeout=limit, check=False)
     assert result.returncode == 0, f"exit code {result.returncode}\n{result.stdout}\n{result.stderr}"
