@@ -47,6 +47,7 @@ class Stage:
         self._groups: list[bpy.types.NodeTree] = []
         self._copy: bpy.types.Scene | None = None
         self._image: bpy.types.Image | None = None
+        self._before: set[int] = set()
 
     @staticmethod
     def _check(scene: bpy.types.Scene) -> None:
@@ -73,8 +74,12 @@ class Stage:
             compat.remove_with_tree(self._copy)
         for group in reversed(self._groups):
             bpy.data.node_groups.remove(group)
-        if self._image is not None:
-            bpy.data.images.remove(self._image)
+        # The copy's Temporal Denoise nodes have trees, images and keys of their own.
+        for group in [each for each in bpy.data.node_groups if each.session_uid not in self._before and each.name.startswith(".Hush")]:
+            bpy.data.node_groups.remove(group)
+        for kind in (bpy.data.images, bpy.data.actions):
+            for each in [each for each in kind if each.session_uid not in self._before and each.users == 0]:
+                kind.remove(each)
         self._copy, self._image, self._groups = None, None, []
 
     def composite(self, frame: int) -> str:
@@ -107,6 +112,7 @@ class Stage:
         first = next((file for frame in frames if (file := source(scene, frame, noisy=self._shows_denoised)[1])), None)
         if first is None or not any(source(scene, frame, noisy=False)[0] == "denoised" for frame in frames):
             raise CompositeError("No frame of this shot is denoised: press Denoise Shot first")
+        self._before = {each.session_uid for each in (*bpy.data.node_groups, *bpy.data.images, *bpy.data.actions)}
         copy = self._copy = scene.copy()
         self._image = self._load(first)
         self._set_output(copy)

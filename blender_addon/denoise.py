@@ -40,7 +40,7 @@ def runs(scene: bpy.types.Scene, source: str = "", target: str = "", *, overwrit
                     raise DenoiseError(problem.text)
     try:
         sequences = _named(source) if source else [(pattern, list(shot.frame_range(scene))) for pattern in shot.frame_patterns(scene)]
-        output = _folder(target) if target else sequences[0][0].parent / "denoised" if source else shot.output_folder(scene)
+        output = _folder(target) if target else _folder_of(sequences[0][0]) / "denoised" if source else shot.output_folder(scene)
     except shot.ShotError as error:
         raise DenoiseError(str(error)) from None
     for inputs, _ in sequences:
@@ -76,6 +76,10 @@ def _named(source: str) -> list[tuple[Path, list[int] | None]]:
     return [(pattern, None)]
 
 
+def _folder_of(inputs: Path) -> Path:
+    return inputs if inputs.is_dir() else inputs.parent
+
+
 def _folder(target: str) -> Path:
     path = Path(bpy.path.abspath(target))
     return path.parent if _names_a_file(path) else path
@@ -86,7 +90,7 @@ def _names_a_file(path: Path) -> bool:
 
 
 def _check_output(inputs: Path, output: Path, target: str) -> None:
-    folder = inputs if inputs.is_dir() else inputs.parent
+    folder = _folder_of(inputs)
     if folder.resolve() == output.resolve():
         advice = f"choose another folder, such as {folder / 'denoised'}"
         raise DenoiseError(f"The denoised frames would replace the rendered ones in {folder}: {advice}")
@@ -104,8 +108,8 @@ def _without_number(name: str) -> str:
 
 def _example(inputs: Path) -> str | None:
     """One of the files, to see which view layers they have."""
-    folder, name = (inputs, "*.exr") if inputs.is_dir() else (inputs.parent, re.sub(r"#+", "*", inputs.name))
-    return next((str(path) for path in sorted(folder.glob(name)) if path.is_file() and path.stat().st_size), None)
+    name = "*.exr" if inputs.is_dir() else re.sub(r"#+", "*", inputs.name)
+    return next((str(path) for path in sorted(_folder_of(inputs).glob(name)) if path.is_file() and path.stat().st_size), None)
 
 
 def outcome(done: job.Job) -> tuple[str, list[tuple[str, str]]]:

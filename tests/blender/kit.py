@@ -55,7 +55,7 @@ def blender(code: str, *arguments: str | Path, enabled: bool = True, limit: floa
 
     The extension is on unless `enabled` is False; `sys.argv[1:]` are the arguments. Fails on another exit code than 0.
     """
-    start = "import kit; kit.enable()\n" if enabled else ""
+    start = "import bpy, kit; kit.enable()\n" if enabled else ""
     command = [sys.executable, "-c", start + code, *map(str, arguments)]
     result = subprocess.run(command, capture_output=True, text=True, timeout=limit, check=False)
     assert result.returncode == 0, f"exit code {result.returncode}\n{result.stdout}\n{result.stderr}"
@@ -154,7 +154,11 @@ def registered() -> set[str]:
             found |= {f"handler {name} {handler.__module__}.{handler.__qualname__}" for handler in handlers}
     for name in dir(bpy.types):
         draw = getattr(getattr(getattr(bpy.types, name), "draw", None), "_draw_funcs", [])
-        # Blender lists a menu's own function too, once something was added to it.
-        added = [function for function in draw if not function.__module__.startswith("bl_ui.")]
-        found |= {f"entry {name} {function.__module__}.{function.__qualname__}" for function in added}
+        # A menu's own draw function joins the list with the first entry that is added, and stays.
+        found |= {f"entry {name} {f.__module__}.{f.__qualname__}" for f in draw if not f.__module__.startswith("bl_ui.")}
     return found
+
+
+def leftovers() -> list[str]:
+    """Names in `registered()` that speak of Hush."""
+    return sorted(name for name in registered() if "hush" in name.lower())
