@@ -3,7 +3,7 @@
 """What differs between Blender 4.2, 4.5 and 5.0, and nothing else."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import bpy
@@ -14,11 +14,11 @@ MATH_NODE = "ShaderNodeMath" if BLENDER_5 else "CompositorNodeMath"
 ADD_MENU = "NODE_MT_compositor_node_add_all"
 
 
-class MixNode(NamedTuple):
-    """A colour mix node and its sockets: factor 0 gives `a`, factor 1 gives `b`."""
+class Choice(NamedTuple):
+    """A node that gives, at each pixel, image `b` where `choose` is 1 and `a` where it is 0, all four channels."""
 
     node: bpy.types.Node
-    factor: bpy.types.NodeSocket
+    choose: bpy.types.NodeSocket
     a: bpy.types.NodeSocket
     b: bpy.types.NodeSocket
     result: bpy.types.NodeSocket
@@ -29,6 +29,16 @@ def compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
     if BLENDER_5:
         return scene.compositing_node_group
     return scene.node_tree if scene.use_nodes else None
+
+
+def compositor_trees() -> Iterator[bpy.types.NodeTree]:
+    """Every tree of compositor nodes in the file, those inside nodes too."""
+    for scene in bpy.data.scenes if not BLENDER_5 else ():
+        if scene.node_tree is not None:
+            yield scene.node_tree
+    for tree in bpy.data.node_groups:
+        if tree.bl_idname == "CompositorNodeTree":
+            yield tree
 
 
 def ensure_compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree:
@@ -61,19 +71,25 @@ def output_node(tree: bpy.types.NodeTree) -> bpy.types.Node:
     return (active or nodes or [tree.nodes.new(kind)])[0]
 
 
-def new_mix(tree: bpy.types.NodeTree) -> MixNode:
-    """A new mix node."""
-    node = tree.nodes.new("ShaderNodeMix" if BLENDER_5 else "CompositorNodeMixRGB")
-    if BLENDER_5:
-        node.data_type = "RGBA"
-    return mix_sockets(node)
+def new_choice(tree: bpy.types.NodeTree) -> Choice:
+    """A new node that chooses between two images.
+
+    The nearer one by made-up depths: a mix node would keep the alpha of its first image.
+    """
+    node = tree.nodes.new("CompositorNodeZcombine")
+    for name in ("use_alpha", "use_antialias_z"):
+        if hasattr(node, name):
+            setattr(node, name, False)
+    for socket in node.inputs:
+        if socket.type == "BOOLEAN":
+            socket.default_value = False
+    node.inputs[3].default_value = 0.5
+    return choice_sockets(node)
 
 
-def mix_sockets(node: bpy.types.Node) -> MixNode:
-    """A mix node with its sockets."""
-    if BLENDER_5:
-        return MixNode(node, node.inputs[0], node.inputs[6], node.inputs[7], node.outputs[2])
-    return MixNode(node, node.inputs[0], node.inputs[1], node.inputs[2], node.outputs[0])
+def choice_sockets(node: bpy.types.Node) -> Choice:
+    """Such a node with its sockets."""
+    return Choice(node, node.inputs[1], node.inputs[0], node.inputs[2], node.outputs[0])
 
 
 def fcurves(owner: bpy.types.ID) -> Iterable[bpy.types.FCurve]:

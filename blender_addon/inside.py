@@ -8,7 +8,7 @@ import bpy
 
 from . import compat
 
-FRAMES, VIEWS, GUARD, MIX = "Denoised Frames", "Views", "Is There a Picture", "Denoised or Incoming"
+FRAMES, VIEWS, GUARD, CHOICE = "Denoised Frames", "Views", "Is There a Picture", "Denoised or Incoming"
 # Offsets of the Image nodes: started at frame 0 and moved by one, the scene's frame is the number in the file's name.
 HERE, NOWHERE = -1, 1_000_000
 # A tree of another form, or made by another Blender, is built anew.
@@ -19,7 +19,7 @@ _NOTHING = (0.0, 0.0, 0.0, 1.0)
 
 def is_sound(tree: bpy.types.NodeTree | None, views: Sequence[str]) -> bool:
     """Whether a tree is one that `build` made for these views."""
-    return tree is not None and tree.get(_FORM_KEY) == _form(views) and all(n in tree.nodes for n in (*names(views), GUARD, MIX))
+    return tree is not None and tree.get(_FORM_KEY) == _form(views) and all(n in tree.nodes for n in (*names(views), GUARD, CHOICE))
 
 
 def names(views: Sequence[str]) -> list[str]:
@@ -31,7 +31,7 @@ def targets(tree: bpy.types.NodeTree, view: str) -> list[bpy.types.NodeSocket]:
     """What the image of a view goes to."""
     if VIEWS in tree.nodes:
         return [socket for socket in tree.nodes[VIEWS].inputs if socket.name == view]
-    return [tree.nodes[GUARD].inputs[0], compat.mix_sockets(tree.nodes[MIX]).b]
+    return [tree.nodes[GUARD].inputs[0], compat.choice_sockets(tree.nodes[CHOICE]).b]
 
 
 def is_linked(tree: bpy.types.NodeTree, views: Sequence[str]) -> bool:
@@ -80,21 +80,21 @@ def build(views: Sequence[str]) -> bpy.types.NodeTree:
     light = math("ADD", red, math("ADD", green, blue))
     magenta = math("MULTIPLY", math("COMPARE", red, 1.0, 0.0), math("COMPARE", blue, 1.0, 0.0))
     present = math("GREATER_THAN", math("ADD", light, see_through), math("MULTIPLY", magenta, 2.0))
-    mix = compat.new_mix(tree)
-    mix.node.name = mix.node.label = MIX
-    mix.node.location = (1700, 200)
+    choice = compat.new_choice(tree)
+    choice.node.name = choice.node.label = CHOICE
+    choice.node.location = (1700, 200)
     out = add("NodeGroupOutput", "Result", 1900, 200)
-    tree.links.new(present, mix.factor)
-    tree.links.new(incoming, mix.a)
-    tree.links.new(mix.result, out.inputs[0])
+    tree.links.new(present, choice.choose)
+    tree.links.new(incoming, choice.a)
+    tree.links.new(choice.result, out.inputs[0])
     # What is not connected must look like a missing file.
-    guard.inputs[0].default_value = mix.b.default_value = _NOTHING
+    guard.inputs[0].default_value = choice.b.default_value = _NOTHING
     if len(views) > 1:
         chosen = add("CompositorNodeSwitchView", VIEWS, -500, 0)
         for socket in chosen.inputs:
             socket.default_value = _NOTHING
         tree.links.new(chosen.outputs[0], guard.inputs[0])
-        tree.links.new(chosen.outputs[0], mix.b)
+        tree.links.new(chosen.outputs[0], choice.b)
     tree[_FORM_KEY] = _form(views)
     return tree
 
@@ -129,6 +129,17 @@ def show_frames(tree: bpy.types.NodeTree, shown: Iterable[int], now: int) -> Non
         value = HERE if now in shown else NOWHERE
         if image.frame_offset != value:
             image.frame_offset = value
+
+
+def users(tree: bpy.types.NodeTree) -> int:
+    """How many nodes have the tree inside; Blender's own count is one too high in some versions."""
+    return sum(getattr(node, "node_tree", None) == tree for other in compat.compositor_trees() for node in other.nodes)
+
+
+def remove(tree: bpy.types.NodeTree) -> None:
+    """Takes a tree out of the file, with its keys."""
+    clear_animation(tree)
+    bpy.data.node_groups.remove(tree)
 
 
 def clear_animation(tree: bpy.types.NodeTree) -> None:

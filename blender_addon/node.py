@@ -64,9 +64,8 @@ class TemporalDenoise:
     def free(self) -> None:
         """Takes the inner tree along when the node is deleted."""
         tree = self.node_tree
-        if tree is not None and tree.users <= 1 and tree.library is None:
-            inside.clear_animation(tree)
-            bpy.data.node_groups.remove(tree)
+        if tree is not None and tree.library is None and inside.users(tree) <= 1:
+            inside.remove(tree)
 
     def draw_label(self) -> str:
         """The name in the node's header."""
@@ -114,10 +113,9 @@ def sync_node(node: TemporalDenoise, scene: bpy.types.Scene, *, fresh: bool = Fa
     tree, views = node.node_tree, shot.views(source)
     if not inside.is_sound(tree, views):
         node.node_tree = inside.build(views)
-        if tree is not None and tree.users == 0:
-            inside.clear_animation(tree)
-            bpy.data.node_groups.remove(tree)
-    elif tree.users > 1:
+        if tree is not None and inside.users(tree) == 0:
+            inside.remove(tree)
+    elif inside.users(tree) > 1:
         node.node_tree = inside.own_copy(tree)
     tree = node.node_tree
     plan = _plan_of(source, fresh=fresh or reload)

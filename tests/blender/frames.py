@@ -58,16 +58,24 @@ def scene_with_node(shot: Path) -> tuple[bpy.types.Scene, bpy.types.Node]:
 def composite(scene: bpy.types.Scene, frame: int, folder: Path, view: str = "") -> np.ndarray:
     """Renders a frame and returns what the compositor made of it, RGB."""
     render = scene.render
-    if hasattr(render.image_settings, "media_type"):
-        render.image_settings.media_type = "IMAGE"
-    render.image_settings.file_format, render.image_settings.color_depth = "OPEN_EXR", "32"
+    settings = render.image_settings
+    if hasattr(settings, "media_type"):
+        settings.media_type = "IMAGE"
+    settings.file_format, settings.color_mode, settings.color_depth = "OPEN_EXR", "RGBA", "32"
+    if render.use_multiview:
+        settings.views_format = "INDIVIDUAL"
     before = render.filepath
-    render.filepath = str(folder / f"result_{frame}")
     scene.frame_set(frame)
-    bpy.ops.render.render(write_still=True, scene=scene.name)
+    if scene == bpy.context.scene:
+        render.filepath = str(folder / f"result_{frame}")
+        bpy.ops.render.render(write_still=True)
+    else:
+        # Of other scenes Blender renders single frames with the images of their last frame.
+        render.filepath = str(folder / "result_#")
+        scene.frame_start = scene.frame_end = frame
+        bpy.ops.render.render(animation=True, scene=scene.name)
     render.filepath = before
-    path = folder / f"result_{frame}{view}.exr"
-    planes = kit.channels(path)
+    planes = kit.channels(folder / f"result_{frame}{view}.exr")
     return np.stack([planes[c] for c in "RGB"], -1)
 
 

@@ -90,6 +90,7 @@ def test_saved_without_the_extension_it_comes_back() -> None:
 def test_linked_scenes_do_no_harm() -> None:
     shot, blend = saved("library")
     bpy.ops.wm.read_homefile(use_empty=True)
+    bpy.context.scene.name = "Local"
     with bpy.data.libraries.load(str(blend), link=True) as (there, here):
         here.scenes = there.scenes
     linked = next(scene for scene in bpy.data.scenes if scene.library)

@@ -135,7 +135,7 @@ def test_transparent_black_stays() -> None:
 
     kit.rewrite(shot / "denoised" / "frame_0001.exr", change)
     frames.module("refresh").shot_changed(scene)
-    scene.render.image_settings.color_mode = "RGBA"
+    scene.render.film_transparent = True
     out = kit.folder("out")
     image = frames.composite(scene, 1, out)
     assert image.max() == 0, image.max()
