@@ -23,7 +23,7 @@ def is_sound(tree: bpy.types.NodeTree | None, views: Sequence[str]) -> bool:
 
 
 def names(views: Sequence[str]) -> list[str]:
-    """Names of the Image nodes: one for each view that has files of its own."""
+    """Names of the Image nodes: one for each view."""
     return [f"{FRAMES} {view}".strip() for view in views]
 
 
@@ -45,7 +45,7 @@ def _form(views: Sequence[str]) -> str:
 
 
 def build(views: Sequence[str]) -> bpy.types.NodeTree:
-    """A new tree that shows no frames yet; `views` are those that have files of their own, one empty name where none has.
+    """A new tree that shows no frames yet; `views` are the stereo views, one empty name without.
 
     Where no file is, Blender's Image node gives opaque black, in 4.2 magenta. Where the denoised image is exactly that, the guard
     passes the incoming one; so a file that vanishes while its frame is rendered does no harm, nor does a Blender without Hush.

@@ -110,7 +110,7 @@ def sync_node(node: TemporalDenoise, scene: bpy.types.Scene, *, fresh: bool = Fa
     if node.id_data.library is not None:
         return
     source = node.source_scene or scene
-    tree, views = node.node_tree, shot.views(source)
+    tree, views = node.node_tree, shot.stereo_views(source)
     if not inside.is_sound(tree, views):
         node.node_tree = inside.build(views)
         if tree is not None and inside.users(tree) == 0:
@@ -220,11 +220,11 @@ def render_size(scene: bpy.types.Scene) -> tuple[int, int] | None:
 
 def _show(node: TemporalDenoise, scene: bpy.types.Scene, frames: bpy.types.Node, view: str, plan: _Plan, *, reload: bool) -> None:
     """Gives an Image node the files of its view."""
-    files = [row[shot.views(scene).index(view)] for row in plan.files.values()]
+    own_files = view and shot.views(scene) != [""]
+    files = [row[shot.views(scene).index(view) if own_files else 0] for row in plan.files.values()]
     before = frames.image
     image = before if before and _path_of(before) in files else _image(scene, files)
-    # In one file for all views Blender finds them by itself; of files of their own each has an Image node.
-    _set(image, "use_multiview", scene.render.use_multiview and not view)
+    _set(image, "use_multiview", bool(view and not own_files))
     if reload:
         # Blender keeps the pixels of files that were written again since.
         image.reload()
@@ -234,6 +234,9 @@ def _show(node: TemporalDenoise, scene: bpy.types.Scene, frames: bpy.types.Node,
             bpy.data.images.remove(before)
     for name, value in (("frame_start", 0), ("frame_duration", _LAST_FRAME), ("use_auto_refresh", True)):
         _set(frames, name, value)
+    if frames.has_views:
+        # Left to itself, Blender 5.0 shows the first view of a file for all.
+        _set(frames, "view", view or "ALL")
     _link(node, scene, frames, view)
 
 

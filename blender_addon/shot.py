@@ -21,14 +21,19 @@ class ShotError(Exception):
     """The scene's settings name no frames; the message says why."""
 
 
-def views(scene: bpy.types.Scene) -> list[str]:
-    """The stereo views that have files of their own; one empty name where all is in one file."""
+def stereo_views(scene: bpy.types.Scene) -> list[str]:
+    """The stereo views that are rendered; one empty name without stereo."""
     render = scene.render
-    if not render.use_multiview or render.image_settings.views_format != "INDIVIDUAL":
+    if not render.use_multiview:
         return [""]
     both = render.views_format == "STEREO_3D"
     names = [view.name for view in render.views if (view.name in ("left", "right") if both else view.use)]
     return names or [""]
+
+
+def views(scene: bpy.types.Scene) -> list[str]:
+    """The stereo views that have files of their own; one empty name where all is in one file."""
+    return stereo_views(scene) if scene.render.image_settings.views_format == "INDIVIDUAL" else [""]
 
 
 def frame_pattern(scene: bpy.types.Scene, view: str | None = None) -> Path:
