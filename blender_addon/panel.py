@@ -30,7 +30,7 @@ class RENDER_PT_hush(_HushPanel, bpy.types.Panel):
         """Draws only what is known already, and asks for a fresh look."""
         refresh.request()
         scene, layout = context.scene, self.layout
-        width = context.region.width
+        width = _width(context)
         state = status.last_known(scene)
         problems = refresh.problems(scene) or []
         steps = [[p for p in problems if _STEP_OF.get(p.key, 1) == step] for step in (1, 2, 3)]
@@ -87,7 +87,7 @@ class RENDER_PT_hush_folders(_HushPanel, bpy.types.Panel):
         except shot.ShotError as error:
             lines = [str(error)]
         for line in lines:
-            _paragraph(column, line, context.region.width)
+            _paragraph(column, line, _width(context))
 
 
 def _draw_problems(layout: bpy.types.UILayout, problems: list[check.Problem], width: float) -> None:
@@ -176,9 +176,14 @@ def draw_node(which: node.TemporalDenoise, context: bpy.types.Context, layout: b
     column.operator("hush.composite_shot", icon="RENDER_ANIMATION")
 
 
+def _width(context: bpy.types.Context) -> float:
+    """Of the region, in the interface's own units; a node's width is in these already."""
+    return context.region.width / (context.preferences.system.ui_scale or 1.0)
+
+
 def _paragraph(column: bpy.types.UILayout, text: str, width: float, *, icon: str = "NONE") -> None:
     """Text in as many lines as it takes; labels alone would be cut off."""
-    letters = max(16, int(width / (_LETTER * bpy.context.preferences.system.ui_scale)) - (4 if icon != "NONE" else 0))
+    letters = max(16, int(width / _LETTER) - (4 if icon != "NONE" else 0))
     for number, line in enumerate(textwrap.wrap(text, letters, break_on_hyphens=False) or [""]):
         column.label(text=line, icon=icon if number == 0 else "BLANK1" if icon != "NONE" else "NONE")
 

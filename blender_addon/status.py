@@ -111,8 +111,8 @@ def _look(key: object, patterns: list[Path], folder: Path) -> _Disk:
     began = time.monotonic()
     try:
         manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-        frames, settings = dict(manifest["frames"]), dict(manifest["settings"])
-    except (OSError, ValueError, KeyError, TypeError):
+        frames, settings = ({k: v for k, v in manifest[part].items() if isinstance(v, dict)} for part in ("frames", "settings"))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
         frames, settings = {}, {}
     outputs = {name for name, (size, _) in _files(folder).items() if size}
     sources = {str(parent / name): stamp for parent in {p.parent for p in patterns} for name, stamp in _files(parent).items()}
@@ -187,7 +187,9 @@ def _reason(disk: _Disk, pattern: Path, frame: int, wanted: dict[str, object]) -
     entry = disk.frames.get(source.name)
     if entry is None:
         return "not written by Hush"
-    old = disk.settings.get(entry.get("settings"), {})
+    old = disk.settings.get(str(entry.get("settings")))
+    if old is None:
+        return "not written by Hush"
     lam = wanted["lambda"][frame] if isinstance(wanted["lambda"], dict) else wanted["lambda"]
     if not math.isclose(old.get("lambda", 1.0), lam, rel_tol=1e-5):
         return "λ changed"
