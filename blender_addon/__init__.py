@@ -4,17 +4,24 @@
 
 import atexit
 import importlib
-import importlib.util
+import sys
 from types import ModuleType
 
-# In the order of registration: properties first, as the rest draws and reads them.
+# Those with something to register, in this order: properties first, as the rest draws and reads them.
 _NAMES = ("properties", "prepare", "check", "denoise", "composite", "node", "menus", "panel", "handlers")
 _registered: list[ModuleType] = []
+# Blender runs this file again when it reloads the extension, but none of the others.
+_stale = f"{__package__}.properties" in sys.modules
 
 
 def _modules() -> list[ModuleType]:
-    present = [name for name in _NAMES if importlib.util.find_spec(f"{__package__}.{name}")]
-    return [importlib.import_module(f"{__package__}.{name}") for name in present]
+    """The modules, read anew where an update has replaced their files."""
+    prefix = f"{__package__}."
+    if _stale:
+        for name in [name for name in sys.modules if name.startswith(prefix)]:
+            del sys.modules[name]
+            globals().pop(name.removeprefix(prefix), None)
+    return [importlib.import_module(prefix + name) for name in _NAMES]
 
 
 def register() -> None:

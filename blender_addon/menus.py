@@ -29,9 +29,9 @@ class HUSH_OT_add_node(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def insert(tree: bpy.types.NodeTree, scene: bpy.types.Scene) -> node.HushTemporalDenoiseNode:
+def insert(tree: bpy.types.NodeTree, scene: bpy.types.Scene) -> node.TemporalDenoise:
     """Adds the node between the scene's Render Layers and whatever takes its image."""
-    added = tree.nodes.new(node.HushTemporalDenoiseNode.bl_idname)
+    added = tree.nodes.new(node.IDNAME)
     layers = [n for n in tree.nodes if n.bl_idname == "CompositorNodeRLayers" and n.scene in (scene, None)]
     linked = [n for n in layers if n.outputs["Image"].is_linked]
     source = next(iter(linked or layers), None)
@@ -52,8 +52,8 @@ def insert(tree: bpy.types.NodeTree, scene: bpy.types.Scene) -> node.HushTempora
 def draw_add_menu(self: bpy.types.Menu, _context: bpy.types.Context) -> None:
     """The last entry of the Add menu."""
     self.layout.separator()
-    entry = self.layout.operator("node.add_node", text=node.HushTemporalDenoiseNode.bl_label, icon=node.HushTemporalDenoiseNode.bl_icon)
-    entry.type = node.HushTemporalDenoiseNode.bl_idname
+    entry = self.layout.operator("node.add_node", text=node.LABEL, icon=node.ICON)
+    entry.type = node.IDNAME
     entry.use_transform = True
 
 

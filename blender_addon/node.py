@@ -5,38 +5,34 @@
 import os
 import re
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
 from bpy.props import PointerProperty, StringProperty
 
-from . import compat, exr, shot
+from . import compat, exr, inside, shot
 
-FRAMES, GUARD, MIX = "Denoised Frames", "Is There a Picture", "Denoised or Incoming"
-_NUMBER = re.compile(r"^(.*?)(\d+)(\D*)$")
 # Blender's own highest frame number.
 _LAST_FRAME = 1048574
-# Offsets of the Image node: started at frame 0 and moved by one, the scene's frame is the number in the file's name.
-_HERE, _NOWHERE = -1, 1_000_000
-# Of the inner tree; one of another form, or made by another Blender, is built anew.
-_FORM_KEY, _FORM = "hush_form", 2 + 100 * compat.BLENDER_5
+IDNAME, LABEL, ICON = "HushTemporalDenoiseNode", "Temporal Denoise", "SHADERFX"
 _why: dict[int, str] = {}
 _plans: dict[int, "_Plan"] = {}
+_classes: list[type] = []
 
 
-def _retarget(self: "HushTemporalDenoiseNode", context: bpy.types.Context) -> None:
+def _retarget(self: "TemporalDenoise", context: bpy.types.Context) -> None:
     owners = [scene for scene in bpy.data.scenes if any(node == self for node in nodes(scene))]
     sync_node(self, (owners or [context.scene])[0])
 
 
-class HushTemporalDenoiseNode(bpy.types.CompositorNodeCustomGroup):
+class TemporalDenoise:
     """Shows the denoised frames of the shot. Where a frame is not denoised yet, the image passes through"""
 
-    bl_idname = "HushTemporalDenoiseNode"
-    bl_label = "Temporal Denoise"
-    bl_icon = "SHADERFX"
+    bl_idname = IDNAME
+    bl_label = LABEL
+    bl_icon = ICON
     bl_width_default = 240
     bl_width_min = 180
 
@@ -59,17 +55,17 @@ class HushTemporalDenoiseNode(bpy.types.CompositorNodeCustomGroup):
 
     def init(self, context: bpy.types.Context) -> None:
         """Each node has a tree of its own inside, so that it can show its own files."""
-        self.node_tree = _build()
+        self.node_tree = inside.build([""])
 
     def copy(self, original: bpy.types.Node) -> None:
         """A copy gets its own inner tree."""
-        self.node_tree = _own_copy(original.node_tree) if original.node_tree else _build()
+        self.node_tree = inside.own_copy(original.node_tree) if original.node_tree else inside.build([""])
 
     def free(self) -> None:
         """Takes the inner tree along when the node is deleted."""
         tree = self.node_tree
         if tree is not None and tree.users <= 1 and tree.library is None:
-            clear_animation(tree)
+            inside.clear_animation(tree)
             bpy.data.node_groups.remove(tree)
 
     def draw_label(self) -> str:
@@ -83,7 +79,7 @@ class HushTemporalDenoiseNode(bpy.types.CompositorNodeCustomGroup):
         panel.draw_node(self, context, layout)
 
 
-def nodes(scene: bpy.types.Scene) -> Iterator[HushTemporalDenoiseNode]:
+def nodes(scene: bpy.types.Scene) -> Iterator[TemporalDenoise]:
     """Every Temporal Denoise node that the scene's compositor reaches, also inside groups."""
     waiting = [compat.compositor_tree(scene)]
     seen = set()
@@ -93,7 +89,7 @@ def nodes(scene: bpy.types.Scene) -> Iterator[HushTemporalDenoiseNode]:
             continue
         seen.add(tree)
         for node in tree.nodes:
-            if node.bl_idname == HushTemporalDenoiseNode.bl_idname:
+            if node.bl_idname == IDNAME:
                 yield node
             elif getattr(node, "node_tree", None) is not None:
                 waiting.append(node.node_tree)
@@ -110,44 +106,48 @@ def sync(scene: bpy.types.Scene, *, fresh: bool = False, reload: bool = False) -
         sync_node(node, scene, fresh=fresh, reload=reload)
 
 
-def sync_node(node: HushTemporalDenoiseNode, scene: bpy.types.Scene, *, fresh: bool = False, reload: bool = False) -> None:
+def sync_node(node: TemporalDenoise, scene: bpy.types.Scene, *, fresh: bool = False, reload: bool = False) -> None:
     """Points one node at the frames of its scene."""
     if node.id_data.library is not None:
         return
-    tree = node.node_tree
-    if tree is None or tree.get(_FORM_KEY) != _FORM or not all(name in tree.nodes for name in (FRAMES, GUARD, MIX)):
-        node.node_tree = _build()
+    source = node.source_scene or scene
+    tree, views = node.node_tree, shot.views(source)
+    if not inside.is_sound(tree, views):
+        node.node_tree = inside.build(views)
         if tree is not None and tree.users == 0:
+            inside.clear_animation(tree)
             bpy.data.node_groups.remove(tree)
     elif tree.users > 1:
-        node.node_tree = _own_copy(tree)
-    source = node.source_scene or scene
+        node.node_tree = inside.own_copy(tree)
+    tree = node.node_tree
     plan = _plan_of(source, fresh=fresh or reload)
-    if plan.frames:
-        _show(node, source, plan, reload=reload)
-    _set_frames_shown(node.node_tree, plan.frames if plan.reason is None and _is_linked(node.node_tree) else {})
-    _why[node.node_tree.session_uid] = plan.reason or ""
+    if plan.files:
+        for view, name in zip(views, inside.names(views), strict=True):
+            _show(node, source, tree.nodes[name], view, plan, reload=reload)
+    wrong = plan.reason or (None if inside.is_linked(tree, views) else "The denoised frames do not have this view layer")
+    _why[tree.session_uid] = wrong or ""
+    inside.show_frames(tree, [] if wrong else plan.files, scene.frame_current)
 
 
-def is_on(node: HushTemporalDenoiseNode) -> bool:
+def is_on(node: TemporalDenoise) -> bool:
     """Whether the node shows a denoised frame at the current frame of the open scene."""
-    frames = node.node_tree.nodes.get(FRAMES) if node.node_tree else None
-    return frames is not None and frames.frame_offset == _HERE
+    images = [each for each in node.node_tree.nodes if each.name.startswith(inside.FRAMES)] if node.node_tree else []
+    return any(image.frame_offset == inside.HERE for image in images)
 
 
-def why_off(node: HushTemporalDenoiseNode) -> str:
+def why_off(node: TemporalDenoise) -> str:
     """Why it does not, in words."""
     return (_why.get(node.node_tree.session_uid) if node.node_tree else "") or "This frame is not denoised"
 
 
 @dataclass
 class _Plan:
-    """The denoised frames of a scene: the first view's files by frame; a reason where none can be shown.
+    """The denoised frames of a scene: a file for each view by frame; a reason where none can be shown.
 
     It holds while the folder does not change, unless a file in it is not whole yet, and in any case for a rest after a slow look.
     """
 
-    frames: dict[int, Path]
+    files: dict[int, list[Path]]
     reason: str | None = None
     growing: bool = False
     key: object = None
@@ -202,7 +202,7 @@ def _find(folder: Path, patterns: list[Path], wanted: tuple[int, int] | None) ->
         if None in sizes:
             growing = True
         elif wanted is None or sizes == {wanted}:
-            frames[int(number)] = files[0]
+            frames[int(number)] = files
         else:
             others |= sizes
     if others and not frames:
@@ -220,13 +220,13 @@ def render_size(scene: bpy.types.Scene) -> tuple[int, int] | None:
     return render.resolution_x * percentage // 100, render.resolution_y * percentage // 100
 
 
-def _show(node: HushTemporalDenoiseNode, scene: bpy.types.Scene, plan: _Plan, *, reload: bool) -> None:
-    frames = node.node_tree.nodes[FRAMES]
+def _show(node: TemporalDenoise, scene: bpy.types.Scene, frames: bpy.types.Node, view: str, plan: _Plan, *, reload: bool) -> None:
+    """Gives an Image node the files of its view."""
+    files = [row[shot.views(scene).index(view)] for row in plan.files.values()]
     before = frames.image
-    image = before if before and _is_of(before, plan) else _image(scene, plan)
-    _set(image, "use_multiview", scene.render.use_multiview)
-    if image.use_multiview:
-        _set(image, "views_format", "INDIVIDUAL" if shot.views(scene) != [""] else "MULTIVIEW")
+    image = before if before and _path_of(before) in files else _image(scene, files)
+    # In one file for all views Blender finds them by itself; of files of their own each has an Image node.
+    _set(image, "use_multiview", scene.render.use_multiview and not view)
     if reload:
         # Blender keeps the pixels of files that were written again since.
         image.reload()
@@ -236,18 +236,17 @@ def _show(node: HushTemporalDenoiseNode, scene: bpy.types.Scene, plan: _Plan, *,
             bpy.data.images.remove(before)
     for name, value in (("frame_start", 0), ("frame_duration", _LAST_FRAME), ("use_auto_refresh", True)):
         _set(frames, name, value)
-    _link(node, frames, scene)
+    _link(node, scene, frames, view)
 
 
-def _is_of(image: bpy.types.Image, plan: _Plan) -> bool:
-    """Whether the image is the sequence of the plan's files."""
-    return Path(bpy.path.abspath(image.filepath, library=image.library)) in plan.frames.values()
+def _path_of(image: bpy.types.Image) -> Path:
+    return Path(bpy.path.abspath(image.filepath, library=image.library))
 
 
-def _image(scene: bpy.types.Scene, plan: _Plan) -> bpy.types.Image:
+def _image(scene: bpy.types.Scene, files: list[Path]) -> bpy.types.Image:
     """The image of a sequence of files: one that is there already, else a new one."""
     for image in bpy.data.images:
-        if image.source == "SEQUENCE" and image.library is None and _is_of(image, plan):
+        if image.source == "SEQUENCE" and image.library is None and _path_of(image) in files:
             return image
     image = bpy.data.images.new(f"Denoised {scene.name}", 1, 1)
     image.source = "SEQUENCE"
@@ -256,15 +255,14 @@ def _image(scene: bpy.types.Scene, plan: _Plan) -> bpy.types.Image:
     except TypeError:
         # A colour configuration without that name: no conversion at all is the same here.
         image.colorspace_settings.is_data = True
-    path = str(next(iter(plan.frames.values())))
+    path = str(files[0])
     relative = any(p.startswith("//") for p in (scene.render.filepath, scene.hush.input_folder, scene.hush.output_folder))
     image.filepath = bpy.path.relpath(path) if relative and bpy.data.is_saved else path
     return image
 
 
-def _link(node: HushTemporalDenoiseNode, frames: bpy.types.Node, scene: bpy.types.Scene) -> None:
+def _link(node: TemporalDenoise, scene: bpy.types.Scene, frames: bpy.types.Node, view: str) -> None:
     """Connects the view layer's image; nothing where the files do not have it."""
-    tree = node.node_tree
     found = not frames.has_layers
     for name in [] if found else [node.view_layer] if node.view_layer else shot.layers(scene):
         try:
@@ -274,65 +272,13 @@ def _link(node: HushTemporalDenoiseNode, frames: bpy.types.Node, scene: bpy.type
         found = True
         break
     wanted = next((frames.outputs[name] for name in ("Combined", "Image") if name in frames.outputs), None) if found else None
-    for target in (tree.nodes[GUARD].inputs[0], compat.mix_sockets(tree.nodes[MIX]).b):
+    links = node.node_tree.links
+    for target in inside.targets(node.node_tree, view):
         if wanted is None:
             for link in target.links:
-                tree.links.remove(link)
+                links.remove(link)
         elif not target.is_linked or target.links[0].from_socket != wanted:
-            tree.links.new(wanted, target)
-
-
-def _is_linked(tree: bpy.types.NodeTree) -> bool:
-    """Whether the image of the view layer is connected."""
-    return compat.mix_sockets(tree.nodes[MIX]).b.is_linked
-
-
-def _set_frames_shown(tree: bpy.types.NodeTree, shown: Iterable[int]) -> None:
-    """Keys the Image node so that it finds files at these frames only.
-
-    Blender sees what Python changes right before a frame is rendered one frame too late, but keys at once; and files that are not
-    whole are never opened, which crashes some versions.
-    """
-    shown = set(shown)
-    frames = tree.nodes[FRAMES]
-    # From each of these frames on: here or nowhere.
-    keys = sorted({frame for n in shown for frame in (n, n + 1)})
-    wanted = [(float(min(shown) - 1), float(_NOWHERE))] if shown else []
-    for frame in keys:
-        value = float(_HERE if frame in shown else _NOWHERE)
-        if wanted[-1][1] != value:
-            wanted.append((float(frame), value))
-    curve = next((c for c in compat.fcurves(tree) if c.data_path == frames.path_from_id("frame_offset")), None)
-    if wanted == ([tuple(point.co) for point in curve.keyframe_points] if curve else []):
-        return
-    clear_animation(tree)
-    frames.frame_offset = _NOWHERE
-    if not wanted:
-        return
-    frames.keyframe_insert("frame_offset", frame=wanted[0][0])
-    curve = next(iter(compat.fcurves(tree)))
-    curve.keyframe_points.add(len(wanted) - 1)
-    for point, key in zip(curve.keyframe_points, wanted, strict=True):
-        point.co = key
-        point.interpolation = "CONSTANT"
-    curve.update()
-    current = bpy.context.scene.frame_current if bpy.context.scene else 0
-    frames.frame_offset = round(curve.evaluate(current))
-
-
-def clear_animation(tree: bpy.types.NodeTree) -> None:
-    """Takes a tree's keys away, and the action that held them."""
-    action = tree.animation_data.action if tree.animation_data else None
-    tree.animation_data_clear()
-    if action is not None and action.users == 0:
-        bpy.data.actions.remove(action)
-
-
-def _own_copy(tree: bpy.types.NodeTree) -> bpy.types.NodeTree:
-    """A copy with keys of its own."""
-    copied = tree.copy()
-    clear_animation(copied)
-    return copied
+            links.new(wanted, target)
 
 
 def _set(owner: object, name: str, value: object) -> None:
@@ -341,61 +287,16 @@ def _set(owner: object, name: str, value: object) -> None:
         setattr(owner, name, value)
 
 
-def _build() -> bpy.types.NodeTree:
-    """The tree inside a node: the denoised image, and the incoming one wherever there is none.
-
-    Where no file is, Blender's Image node gives opaque black, in 4.2 magenta. Where the denoised image is exactly that, the guard
-    passes the incoming one; so a file that vanishes while its frame is rendered does no harm, nor does a Blender without Hush.
-    """
-    tree = bpy.data.node_groups.new(".Hush Temporal Denoise", "CompositorNodeTree")
-    for direction in ("INPUT", "OUTPUT"):
-        tree.interface.new_socket("Image", in_out=direction, socket_type="NodeSocketColor")
-
-    def add(kind: str, name: str, x: float, y: float) -> bpy.types.Node:
-        node = tree.nodes.new(kind)
-        node.name = node.label = name
-        node.location = (x, y)
-        return node
-
-    def math(operation: str, *values: float | bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-        node = add(compat.MATH_NODE, operation, x=200 * len(tree.nodes) - 600, y=-300)
-        node.operation = operation
-        for socket, value in zip(node.inputs, values, strict=False):
-            if isinstance(value, bpy.types.NodeSocket):
-                tree.links.new(value, socket)
-            else:
-                socket.default_value = value
-        return node.outputs[0]
-
-    incoming = add("NodeGroupInput", "Incoming", -400, 300).outputs[0]
-    frames = add("CompositorNodeImage", FRAMES, -400, 0)
-    guard = add("CompositorNodeSeparateColor", GUARD, -200, -300)
-    red, green, blue, alpha = guard.outputs[:4]
-    see_through = math("MULTIPLY", alpha, math("SUBTRACT", 1.0, alpha))
-    light = math("ADD", red, math("ADD", green, blue))
-    magenta = math("MULTIPLY", math("COMPARE", red, 1.0, 0.0), math("COMPARE", blue, 1.0, 0.0))
-    present = math("GREATER_THAN", math("ADD", light, see_through), math("MULTIPLY", magenta, 2.0))
-    mix = compat.new_mix(tree)
-    mix.node.name = mix.node.label = MIX
-    mix.node.location = (1700, 200)
-    out = add("NodeGroupOutput", "Result", 1900, 200)
-    tree.links.new(present, mix.factor)
-    tree.links.new(incoming, mix.a)
-    tree.links.new(mix.result, out.inputs[0])
-    frames.frame_offset = _NOWHERE
-    # Not connected they must look like a missing file.
-    guard.inputs[0].default_value = mix.b.default_value = (0.0, 0.0, 0.0, 1.0)
-    tree[_FORM_KEY] = _FORM
-    return tree
-
-
 def register() -> None:
     """Adds the node."""
-    bpy.utils.register_class(HushTemporalDenoiseNode)
+    # Blender makes its class of custom groups anew whenever one is unregistered, so the node's is made here.
+    _classes.append(type(IDNAME, (TemporalDenoise, bpy.types.CompositorNodeCustomGroup), {"__doc__": TemporalDenoise.__doc__}))
+    bpy.utils.register_class(_classes[-1])
 
 
 def unregister() -> None:
     """Takes the node away."""
-    bpy.utils.unregister_class(HushTemporalDenoiseNode)
+    while _classes:
+        bpy.utils.unregister_class(_classes.pop())
     forget()
     _why.clear()

@@ -6,10 +6,12 @@ import textwrap
 
 import bpy
 
-from . import node, refresh, shot, status
+from . import check, denoise, node, refresh, shot, status
 
 # A letter's width in the interface's own units, a little generous.
 _LETTER = 6.5
+# Where a problem is drawn, by its key; all others belong to preparing.
+_STEP_OF = {"frames": 2, "older": 2, "lossy": 2, "first_frame": 2, "folder": 3, "space": 3, "library": 3, "lambda": 3}
 
 
 class _HushPanel:
@@ -31,9 +33,13 @@ class RENDER_PT_hush(_HushPanel, bpy.types.Panel):
         width = context.region.width
         state = status.last_known(scene)
         problems = refresh.problems(scene) or []
-        _draw_prepare(layout, scene, problems, width)
+        steps = [[p for p in problems if _STEP_OF.get(p.key, 1) == step] for step in (1, 2, 3)]
+        _draw_prepare(layout, scene, all(p.level == check.INFO for p in steps[0]))
+        _draw_problems(layout, steps[0], width)
         _draw_render(layout, state)
+        _draw_problems(layout, steps[1], width)
         _draw_denoise(layout, scene, state, width)
+        _draw_problems(layout, steps[2], width)
         _draw_composite(layout, scene)
 
 
@@ -73,6 +79,8 @@ class RENDER_PT_hush_folders(_HushPanel, bpy.types.Panel):
         layout.use_property_decorate = False
         layout.prop(scene.hush, "input_folder")
         layout.prop(scene.hush, "output_folder")
+        layout.prop(scene.hush, "composite_folder")
+        layout.prop(scene.hush, "composite_format")
         column = layout.column(align=True)
         try:
             lines = [f"From {path}" for path in shot.frame_patterns(scene)] + [f"To {shot.output_folder(scene)}"]
@@ -82,17 +90,24 @@ class RENDER_PT_hush_folders(_HushPanel, bpy.types.Panel):
             _paragraph(column, line, context.region.width)
 
 
-def _draw_prepare(layout: bpy.types.UILayout, scene: bpy.types.Scene, problems: list, width: float) -> None:
-    row = _step(layout, not problems, "hush.prepare_shot", "1. Prepare Shot")
-    if scene.hush.prepared:
-        row.operator("hush.undo_prepare", text="", icon="LOOP_BACK")
+def _draw_problems(layout: bpy.types.UILayout, problems: list[check.Problem], width: float) -> None:
     column = layout.column(align=True)
     for problem in problems:
         line = column.row()
-        icon = "ERROR" if str(problem.level).lower() == "error" else "INFO"
-        _paragraph(line.column(align=True), problem.text, width - (70 if problem.fix else 0), icon=icon)
+        icon = {check.ERROR: "ERROR", check.WARNING: "QUESTION"}.get(problem.level, "INFO")
+        _paragraph(line.column(align=True), problem.text, width - (80 if problem.fix else 0), icon=icon)
         if problem.fix:
-            line.operator("hush.fix", text="Fix").key = problem.key
+            operator, arguments = problem.fix
+            button = line.operator(operator, text="Fix")
+            for name, value in arguments.items():
+                setattr(button, name, value)
+
+
+def _draw_prepare(layout: bpy.types.UILayout, scene: bpy.types.Scene, ready: bool) -> None:
+    row = _step(layout, ready, "hush.prepare_shot", "1. Prepare Shot")
+    if scene.hush.prepared:
+        row.operator("hush.undo_prepare", text="", icon="LOOP_BACK")
+    row.operator("hush.check_shot", text="", icon="VIEWZOOM")
 
 
 def _draw_render(layout: bpy.types.UILayout, state: status.ShotStatus | None) -> None:
@@ -114,7 +129,7 @@ def _draw_composite(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     row = _step(layout, None, "hush.composite_shot", "4. Composite Denoised")
     row.enabled = has_node
     if not has_node:
-        layout.operator("hush.add_node", icon=node.HushTemporalDenoiseNode.bl_icon)
+        layout.operator("hush.add_node", icon=node.ICON)
 
 
 def _step(layout: bpy.types.UILayout, done: bool | None, operator: str, text: str, **arguments: object) -> bpy.types.UILayout:
@@ -127,9 +142,7 @@ def _step(layout: bpy.types.UILayout, done: bool | None, operator: str, text: st
 
 
 def _draw_progress(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> bool:
-    from . import denoise
-
-    progress = denoise.progress(scene) if hasattr(denoise, "progress") else None
+    progress = denoise.progress(scene)
     if progress is None:
         return False
     layout.progress(factor=progress[0], text=progress[1], type="BAR")
@@ -141,7 +154,7 @@ def sentence(text: str) -> str:
     return text[:1].upper() + text[1:] if not text.startswith("λ") else text
 
 
-def draw_node(which: node.HushTemporalDenoiseNode, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+def draw_node(which: node.TemporalDenoise, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
     """The inside of the node: dial, window, frames, how far, and the buttons."""
     refresh.request()
     scene = which.source_scene or context.scene
@@ -159,7 +172,7 @@ def draw_node(which: node.HushTemporalDenoiseNode, context: bpy.types.Context, l
     if not node.is_on(which):
         _paragraph(column, f"{node.why_off(which)}: the image passes through", which.width, icon="INFO")
     column = layout.column(align=True)
-    column.operator("hush.denoise_shot", icon=node.HushTemporalDenoiseNode.bl_icon)
+    column.operator("hush.denoise_shot", icon=node.ICON).scene = scene.name
     column.operator("hush.composite_shot", icon="RENDER_ANIMATION")
 
 

@@ -6,7 +6,7 @@ import time
 
 import bpy
 
-from . import node, status
+from . import check, node, status
 
 _DELAY = 0.2
 _PERIOD = 1.0
@@ -36,10 +36,9 @@ def shot_changed(scene: bpy.types.Scene) -> None:
 
 def _look() -> None:
     global _last
+    # While frames are rendered, nodes are not to change.
     if bpy.app.is_job_running("RENDER"):
         return
-    from . import check
-
     changed = False
     for scene in {window.scene for window in bpy.context.window_manager.windows}:
         before = status.last_known(scene)

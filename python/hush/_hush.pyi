@@ -2,18 +2,32 @@
 
 import os
 from collections.abc import Callable, Sequence
-from typing import Any, Final, final
+from typing import Any, Final, TypeAlias, final
 
 import numpy as np
 import numpy.typing as npt
+
+__all__ = [
+    "LAMBDA_RANGE",
+    "MAX_WINDOW",
+    "Denoised",
+    "Denoiser",
+    "HushError",
+    "__version__",
+    "denoise",
+    "denoise_sequence",
+    "inspect",
+    "main",
+    "plan_sequence",
+]
 
 LAMBDA_RANGE: Final[tuple[float, float]]
 MAX_WINDOW: Final[int]
 __version__: Final[str]
 
-type _Floats = npt.NDArray[np.floating[Any]]
-type _Image = npt.NDArray[np.float32]
-type _Path = str | os.PathLike[str]
+_Floats: TypeAlias = npt.NDArray[np.floating[Any]]
+_Image: TypeAlias = npt.NDArray[np.float32]
+_Path: TypeAlias = str | os.PathLike[str]
 
 class HushError(Exception): ...
 
@@ -37,7 +51,7 @@ class Denoised:
     @property
     def aovs(self) -> dict[str, _Image]: ...
     @property
-    def tag(self) -> Any: ...
+    def tag(self) -> Any: ...  # noqa: ANN401
 
 @final
 class Denoiser:
@@ -73,6 +87,4 @@ class Denoiser:
 def main(args: Sequence[str]) -> int: ...
 def inspect(path: _Path) -> str: ...
 def plan_sequence(options: dict[str, Any]) -> str: ...
-def denoise_sequence(
-    options: dict[str, Any], progress: Callable[[str], object] | None, cancel: Callable[[], object] | None
-) -> str: ...
+def denoise_sequence(options: dict[str, Any], progress: Callable[[str], object] | None, cancel: Callable[[], object] | None) -> str: ...

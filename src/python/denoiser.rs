@@ -192,8 +192,8 @@ impl Denoiser {
     ///     albedo: (height, width, 3), 0…1.
     ///     normal: (height, width, 3), −1…1, camera space.
     ///     depth: (height, width), 0 or 1e9 and more for the background.
-    ///     vector: (height, width, 4), pixels, y up, as Cycles' Vector pass: from here back to the previous frame's place (X, Y), and
-    ///         from the next frame's place to here (Z, W).
+    ///     vector: (height, width, 4), pixels, y up, as Cycles' Vector pass. X, Y: a point's place in the previous frame minus its
+    ///         place here; Z, W: its place here minus its place in the next frame.
     ///     aovs: Light passes by name, each (height, width, 3), linear: parts of color that get its kernels.
     ///     lam: λ of this frame.
     ///     tag: Anything; it comes back with the result.

@@ -5,7 +5,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread;
 use std::time::Duration;
 
-use pyo3::exceptions::PyTypeError;
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde::Serialize;
@@ -124,6 +124,9 @@ impl Calls {
 /// The job that the keywords describe.
 fn job(options: &Bound<'_, PyDict>) -> PyResult<Job> {
     let inputs: Vec<PathBuf> = get(options, "inputs")?;
+    if inputs.is_empty() {
+        return Err(PyValueError::new_err("inputs: names no file or folder"));
+    }
     let output: PathBuf = get(options, "output")?;
     let frames: Option<String> = get(options, "frames")?;
     let window: Option<i64> = get(options, "window")?;
