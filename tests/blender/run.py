@@ -152,13 +152,14 @@ def run_version(name: str, archive: Path, cases: list[Path], tally: Tally, keep:
         shutil.rmtree(folder / "shots")
 
 
-def built_zip(without_wheel: bool) -> Path:
+def built_zip(without_wheel: bool, wheel: Path | None) -> Path:
     """The zip for this machine, by the script that users run."""
     output = TARGET / "blender"
     for old in output.glob("hush-*.zip"):
         old.unlink()
     command = [sys.executable, str(ROOT / "blender_addon" / "build.py"), "--output", str(output)]
-    subprocess.run(command + (["--without-wheel"] if without_wheel else []), check=True)
+    command += ["--without-wheel"] if without_wheel else ["--wheel", str(wheel)] if wheel else []
+    subprocess.run(command, check=True)
     found = list(output.glob("hush-*.zip"))
     if len(found) != 1:
         raise venvs.Unavailable(f"build.py should leave one zip in {output}: {found}")
@@ -170,6 +171,7 @@ def main() -> int:
     parser.add_argument("--version", nargs="+", choices=list(venvs.VERSIONS), default=["5.0", "4.5"])
     parser.add_argument("--case", nargs="+", default=[""], help="only the cases whose name contains one of these")
     parser.add_argument("--zip", type=Path, help="the extension; built by default")
+    parser.add_argument("--wheel", type=Path, help="the wheel to put into the zip; built by default")
     parser.add_argument("--without-wheel", action="store_true", help="build the zip without Hush itself")
     parser.add_argument("--keep", action="store_true", help="keep the folders of the cases that pass")
     chosen = parser.parse_args()
@@ -179,7 +181,7 @@ def main() -> int:
         if not cases:
             raise venvs.Unavailable(f"no case is named so: {' '.join(chosen.case)}")
         venvs.install_libraries()
-        archive = (chosen.zip or built_zip(chosen.without_wheel)).resolve()
+        archive = (chosen.zip or built_zip(chosen.without_wheel, chosen.wheel)).resolve()
         for name in chosen.version:
             run_version(name, archive, cases, tally, chosen.keep)
     except (venvs.Unavailable, subprocess.CalledProcessError, OSError) as error:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import subprocess
 import sys
 
-import kit
-
 USE = """
 import bpy, sys, kit
 kit.enable()
