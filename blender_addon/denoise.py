@@ -130,6 +130,7 @@ def outcome(done: job.Job) -> tuple[str, list[tuple[str, str]]]:
         why = [errors[0] if errors else stopped or "", f"Frames {missing} are not rendered" if missing else ""]
         more = f"{len(errors) - 1} more errors" if len(errors) > 2 else "1 more error" if len(errors) == 2 else ""
         how_many = f"{there} of {wanted + _count(missing)} frames are denoised" if results else ""
+        why = [part.replace("pass --overwrite", "call bpy.ops.hush.denoise_shot(overwrite=True)") for part in why]
         text = ". ".join(part.rstrip(".") for part in (*why, more, how_many) if part) or "Nothing was denoised"
         return "CANCELLED", [*reports, ("ERROR", text)]
     degraded = sorted({frame for result in results for frame in result["degraded"]})

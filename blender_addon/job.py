@@ -44,7 +44,9 @@ class Job:
     @property
     def errors(self) -> list[str]:
         """What went wrong, first what concerns the whole run."""
-        return [self._bad[key] for key in sorted(self._bad, key=lambda key: key[1] is not None)]
+        whole = [text for (_, frame), text in self._bad.items() if frame is None]
+        frames = [text for (_, frame), text in self._bad.items() if frame is not None]
+        return [*whole, *(text for text in frames if not any(text in other for other in whole))]
 
     @property
     def seconds(self) -> float:

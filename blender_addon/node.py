@@ -174,6 +174,8 @@ def _plan_of(scene: bpy.types.Scene, *, fresh: bool) -> _Plan:
     try:
         changed = os.stat(folder).st_mtime_ns
     except OSError:
+        changed = None
+    if changed is None or not folder.is_dir():
         return _Plan({}, "Nothing is denoised yet")
     key = (folder, tuple(patterns), render_size(scene))
     known = None if fresh else _plans.get(scene.session_uid)

@@ -319,10 +319,7 @@ class HUSH_OT_prepare_shot(bpy.types.Operator):
         except PrepareError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        for text in told:
-            self.report({"INFO"}, text)
-        changes = f"{len(told)} changes" if len(told) != 1 else "1 change"
-        self.report({"INFO"}, f"Shot prepared: {changes}, {'; '.join(told)}" if told else "The shot was prepared already")
+        self.report({"INFO"}, f"Shot prepared. {'; '.join(told)}" if told else "The shot was prepared already")
         return {"FINISHED"}
 
 

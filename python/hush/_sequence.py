@@ -79,8 +79,8 @@ def denoise_sequence(
         HushError: Files that are no usable EXR, a window without a Vector pass, unusable weights.
         KeyboardInterrupt: Ctrl-C, after the frame in hand. What `progress` or `cancel` raise comes through in the same way.
     """
-    told = None if progress is None else lambda event: progress(json.loads(event))
-    return json.loads(_hush.denoise_sequence(_options(locals()), told, cancel))
+    told = None if progress is None else lambda event: progress(_read(event))
+    return _read(_hush.denoise_sequence(_options(locals()), told, cancel))
 
 
 def plan_sequence(
@@ -114,7 +114,7 @@ def plan_sequence(
     Raises:
         The same as `denoise_sequence`.
     """
-    return json.loads(_hush.plan_sequence(_options(locals())))
+    return _read(_hush.plan_sequence(_options(locals())))
 
 
 def inspect(path: Path) -> dict[str, Any]:
@@ -127,7 +127,12 @@ def inspect(path: Path) -> dict[str, Any]:
         OSError: The file is not there or cannot be read.
         HushError: It is no usable EXR file.
     """
-    return json.loads(_hush.inspect(path))
+    return _read(_hush.inspect(path))
+
+
+def _read(text: str) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(text)
+    return found
 
 
 def _options(given: dict[str, Any]) -> dict[str, Any]:

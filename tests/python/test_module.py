@@ -68,10 +68,9 @@ def test_the_plan_takes_what_the_run_takes() -> None:
     assert run.keys() - plan.keys() == {"progress", "cancel"}
 
 
-def test_stubs_and_module_agree() -> None:
-    checked = subprocess.run(
-        [sys.executable, "-m", "mypy.stubtest", "hush", "--concise"], capture_output=True, text=True, timeout=300, check=False
-    )
+@pytest.mark.parametrize("tool", [["mypy.stubtest", "hush", "--concise"], ["mypy", "--strict", "-p", "hush"]])
+def test_the_types_are_right(tool: list[str], tmp_path: Path) -> None:
+    checked = subprocess.run([sys.executable, "-m", *tool], capture_output=True, text=True, timeout=300, check=False, cwd=tmp_path)
     assert checked.returncode == 0, checked.stdout + checked.stderr
 
 
@@ -329,3 +328,19 @@ def test_the_command_stops_on_a_signal(shot: Path, tmp_path: Path, number: signa
     assert done["event"] == "done" and done["interrupted"] is True
     assert 1 <= done["written"] < 8
     assert len(names(tmp_path / "out")) == done["written"] + 1
+
+
+@pytest.mark.skipif(os.name == "nt", reason="sends signals")
+def test_a_second_signal_ends_the_command_at_once(shot: Path, tmp_path: Path) -> None:
+    program = [*command(), "denoise", str(shot), "--output", str(tmp_path / "out"), "--json", "--threads", "1"]
+    with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None and process.stderr is not None
+        for line in process.stdout:
+            if json.loads(line)["event"] == "working":
+                process.send_signal(signal.SIGINT)
+                break
+        assert "once more stops at once" in process.stderr.readline()
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=120)
+    assert process.returncode == 130
+    assert all(name.endswith((".exr", ".json")) for name in names(tmp_path / "out"))

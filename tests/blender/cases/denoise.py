@@ -9,6 +9,7 @@ import shutil
 import signal
 import time
 from pathlib import Path
+from types import MethodType, SimpleNamespace
 
 import bpy
 import kit
@@ -287,3 +288,78 @@ def test_a_folder_with_odd_letters() -> None:
     scene.frame_end = 2
     assert bpy.ops.hush.denoise_shot() == {"FINISHED"}
     assert images(frames / "denoised") == NAMES[:2]
+
+
+class Window:
+    """Stands in for Blender's window: what the operator would show and report."""
+
+    def __init__(self) -> None:
+        self.shown: list[str | None] = []
+        self.reports: list[tuple[str, str]] = []
+        self.removed = False
+        nothing = lambda *_: None
+        self.window_manager = SimpleNamespace(
+            progress_begin=nothing, progress_update=nothing, progress_end=nothing, event_timer_remove=self.remove
+        )
+        self.workspace = SimpleNamespace(status_text_set=self.shown.append)
+        self.scene = bpy.context.scene
+
+    def remove(self, _timer: object) -> None:
+        self.removed = True
+
+    def operator(self) -> SimpleNamespace:
+        """The operator's own functions on an object that is not Blender's."""
+        kind = denoise.HUSH_OT_denoise_shot
+        fake = SimpleNamespace(input_filepath="", output_filepath="", overwrite=False, scene="", _timer=object())
+        for name in ("_begin", "_show", "_hide", "_finish", "modal", "cancel"):
+            setattr(fake, name, MethodType(getattr(kind, name), fake))
+        fake.report = lambda level, text: self.reports.append((*level, text))
+        return fake
+
+
+def press(fake: SimpleNamespace, window: Window, kind: str) -> set[str]:
+    return fake.modal(window, SimpleNamespace(type=kind, value="PRESS"))
+
+
+def ticks(fake: SimpleNamespace, window: Window) -> set[str]:
+    """The timer, until the operator ends."""
+    until = time.monotonic() + 60
+    while (result := press(fake, window, "TIMER")) == {"PASS_THROUGH"}:
+        assert time.monotonic() < until, "the operator does not end"
+        time.sleep(0.01)
+    return result
+
+
+def test_in_a_window_progress_is_shown_and_events_pass() -> None:
+    _, frames = shot_scene("window")
+    window = Window()
+    fake = window.operator()
+    assert fake._begin(window)
+    assert press(fake, window, "MOUSEMOVE") == {"PASS_THROUGH"}
+    assert ticks(fake, window) == {"FINISHED"}
+    assert any("Denoising frame" in text and "%" in text and "Esc" in text for text in window.shown), window.shown
+    assert window.removed and window.reports[-1][0] == "INFO" and "5 frames denoised" in window.reports[-1][1]
+    assert images(frames / "denoised") == NAMES and job.current() is None
+
+
+def test_in_a_window_esc_stops_after_the_frame_in_hand() -> None:
+    _, frames = shot_scene("esc")
+    window = Window()
+    fake = window.operator()
+    assert fake._begin(window)
+    while not (frames / "denoised" / NAMES[0]).exists():
+        press(fake, window, "TIMER")
+    assert press(fake, window, "ESC") == {"RUNNING_MODAL"}
+    assert "Stopping" in window.shown[-1]
+    assert ticks(fake, window) == {"CANCELLED"}
+    assert "stopped" in window.reports[-1][1]
+    assert len(images(frames / "denoised")) < len(NAMES)
+
+
+def test_opening_another_file_stops_it() -> None:
+    shot_scene("another")
+    window = Window()
+    fake = window.operator()
+    assert fake._begin(window)
+    fake.cancel(window)
+    assert job.current() is None and fake._job._process.poll() is not None
