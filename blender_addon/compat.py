@@ -11,6 +11,8 @@ import bpy
 BLENDER_5 = bpy.app.version >= (5, 0, 0)
 # Blender 5 has the nodes that shading, geometry and compositing share under one name.
 MATH_NODE = "ShaderNodeMath" if BLENDER_5 else "CompositorNodeMath"
+# The Image node of Blender 5.0 shows the first view for all, where one file holds several.
+READS_VIEWS_OF_ONE_FILE = not BLENDER_5
 ADD_MENU = "NODE_MT_compositor_node_add_all"
 
 

@@ -48,11 +48,15 @@ class Stage:
         self._copy: bpy.types.Scene | None = None
         self._image: bpy.types.Image | None = None
         self._before: set[int] = set()
+        self._path = ""
+        self._view = ""
 
     @staticmethod
     def _check(scene: bpy.types.Scene) -> None:
         if compat.compositor_tree(scene) is None:
             raise CompositeError("The scene has no compositor nodes: add a Temporal Denoise node in the compositor first")
+        if scene.render.use_multiview and shot.views(scene) == [""] and not compat.READS_VIEWS_OF_ONE_FILE:
+            raise CompositeError("Blender 5 reads only one view of files that hold several: render with Views Format Individual")
         target = folder(scene)
         taken = {pattern.parent for pattern in shot.frame_patterns(scene)} | {shot.output_folder(scene)}
         if any(target.resolve() == other.resolve() for other in taken):
@@ -88,9 +92,14 @@ class Stage:
         Raises:
             CompositeError: Blender did not write the file.
         """
-        state, file = source(self._scene, frame, noisy=self._shows_denoised)
+        states = [self._composite_view(frame, view) for view in shot.views(self._scene)]
+        return next(state for state in ("missing", "noisy", "denoised") if state in states)
+
+    def _composite_view(self, frame: int, view: str) -> str:
+        state, file = source(self._scene, frame, view, noisy=self._shows_denoised)
         if file is None:
             return state
+        self._turn_to(view)
         self._image.filepath = str(file)
         copy = self._copy
         copy.frame_start = copy.frame_end = frame
@@ -99,18 +108,28 @@ class Stage:
             bpy.ops.render.render(animation=True, scene=copy.name)
         except RuntimeError as error:
             raise CompositeError(f"Frame {frame}: {str(error).removeprefix('Error: ').strip()}") from error
-        for view in shot.views(copy):
-            written = Path(copy.render.frame_path(frame=frame, view=view))
+        for name in shot.views(copy):
+            written = Path(copy.render.frame_path(frame=frame, view=name))
             # Some file systems keep the time of a file to two seconds only.
             if not written.is_file() or written.stat().st_mtime < began - 3:
                 raise CompositeError(f"Frame {frame}: Blender did not write {written}")
         return state
 
+    def _turn_to(self, view: str) -> None:
+        """Views with files of their own are composited one by one: Blender reads only the first one's passes."""
+        if view == self._view:
+            return
+        self._view = view
+        self._copy.render.filepath = self._path + self._scene.render.views[view].file_suffix
+        self._copy.hush.input_folder = str(shot.frame_pattern(self._scene, view))
+        node.sync(self._copy)
+
     def _build(self) -> None:
         scene = self._scene
-        frames = shot.frame_range(scene)
-        first = next((file for frame in frames if (file := source(scene, frame, noisy=self._shows_denoised)[1])), None)
-        if first is None or not any(source(scene, frame, noisy=False)[0] == "denoised" for frame in frames):
+        view = shot.views(scene)[0]
+        states = [source(scene, frame, view, noisy=self._shows_denoised) for frame in shot.frame_range(scene)]
+        first = next((file for _, file in states if file), None)
+        if first is None or not any(state == "denoised" for state, _ in states):
             raise CompositeError("No frame of this shot is denoised: press Denoise Shot first")
         self._before = {each.session_uid for each in (*bpy.data.node_groups, *bpy.data.images, *bpy.data.actions)}
         copy = self._copy = scene.copy()
@@ -125,10 +144,7 @@ class Stage:
 
     def _load(self, file: Path) -> bpy.types.Image:
         image = bpy.data.images.load(str(file))
-        render = self._scene.render
-        image.use_multiview = render.use_multiview
-        if image.use_multiview:
-            image.views_format = "INDIVIDUAL" if shot.views(self._scene) != [""] else "MULTIVIEW"
+        image.use_multiview = self._scene.render.use_multiview and shot.views(self._scene) == [""]
         return image
 
     def _set_output(self, copy: bpy.types.Scene) -> None:
@@ -136,11 +152,14 @@ class Stage:
         views = settings.views_format
         compat.use_image_format(settings, self._scene.hush.composite_format)
         settings.color_mode, settings.color_depth = "RGBA", "16"
-        if render.use_multiview:
-            settings.views_format = "STEREO_3D" if views == "MULTIVIEW" and settings.file_format == "PNG" else views
+        if views == "INDIVIDUAL":
+            render.use_multiview = False
+        elif render.use_multiview:
+            settings.views_format = "STEREO_3D" if settings.file_format == "PNG" else views
         render.filepath = str(self._folder / Path(self._scene.render.filepath.replace("\\", "/")).name)
         if "#" not in Path(render.filepath).name:
             render.filepath += "####"
+        self._path = render.filepath
         render.use_file_extension = render.use_overwrite = render.use_compositing = True
         render.use_placeholder = render.use_sequencer = False
         copy.frame_step = 1
@@ -205,19 +224,17 @@ class Stage:
         return any(layer["name"] for layer in told.get("layout", told)["layers"])
 
 
-def source(scene: bpy.types.Scene, frame: int, *, noisy: bool) -> tuple[str, Path | None]:
+def source(scene: bpy.types.Scene, frame: int, view: str, *, noisy: bool) -> tuple[str, Path | None]:
     """What a frame is composited from: `denoised` or `noisy`, and the file; with `noisy` the rendered one where it is there.
 
     A Temporal Denoise node shows the denoised image over it, and may want the noisy one too.
     """
-    first = shot.views(scene)[0]
-    rendered = shot.frame_file(shot.frame_pattern(scene, first), frame)
-    denoised = [shot.output_file(scene, frame, view) for view in shot.views(scene)]
-    whole = all(exr.size_if_whole(file) for file in denoised)
+    rendered = shot.frame_file(shot.frame_pattern(scene, view), frame)
+    denoised = shot.output_file(scene, frame, view)
     is_rendered = exr.size_if_whole(rendered) is not None
-    if not whole:
+    if exr.size_if_whole(denoised) is None:
         return ("noisy", rendered) if is_rendered else ("missing", None)
-    return "denoised", rendered if noisy and is_rendered else denoised[0]
+    return "denoised", rendered if noisy and is_rendered else denoised
 
 
 def _has_renders(tree: bpy.types.NodeTree) -> bool:

@@ -6,11 +6,13 @@ import importlib
 import shutil
 import time
 from pathlib import Path
+from types import MethodType, SimpleNamespace
 from typing import Any
 
 import bpy
 import kit
 import numpy as np
+import OpenEXR
 
 TIME_LIMIT = 180.0
 compat = importlib.import_module(f"{kit.MODULE}.compat")
@@ -271,3 +273,91 @@ def test_rendering_works_as_before_afterwards() -> None:
     (folder / "frame_0001.exr").unlink()
     bpy.ops.render.render(animation=True)
     kit.assert_close(combined(folder / "frame_0001.exr"), wanted, 1e-4)
+
+
+def test_views_with_files_of_their_own() -> None:
+    folder = kit.folder("stereo")
+    for frame, view in ((1, "L"), (1, "R"), (2, "L"), (2, "R")):
+        # The right view is another picture.
+        shutil.copy(kit.shot() / f"frame_{frame + 2 * (view == 'R'):04d}.exr", folder / f"frame_{frame:04d}_{view}.exr")
+    scene = kit.build_scene("plain", folder)
+    scene.render.use_multiview = True
+    scene.render.image_settings.views_format = "INDIVIDUAL"
+    scene.frame_end = 2
+    assert bpy.ops.hush.denoise_shot() == {"FINISHED"}
+    for node in (False, True):
+        tree_of(scene, node=node)
+        assert bpy.ops.hush.composite_shot() == {"FINISHED"}
+        names = kit.files(folder / "composited")
+        assert names == [f"frame_000{frame}_{view}.exr" for frame in (1, 2) for view in "LR"]
+        for name in names:
+            made = plain(folder / "composited" / name)
+            kit.assert_close(made, combined(folder / "denoised" / name), HALF, f"{name}, with the node: {node}")
+        shutil.rmtree(folder / "composited")
+
+
+def in_a_window(scene: bpy.types.Scene, stop_after: int | None = None) -> tuple[set[str], list[tuple[str, str]]]:
+    """What the operator does at the ticks of a window's timer, with Esc after some of them; result and reports."""
+    kind, nothing, reports = composite.HUSH_OT_composite_shot, lambda *_: None, []
+    manager = SimpleNamespace(progress_begin=nothing, progress_update=nothing, progress_end=nothing, event_timer_remove=nothing)
+    window = SimpleNamespace(window_manager=manager, workspace=SimpleNamespace(status_text_set=nothing), scene=scene)
+    fake = SimpleNamespace(scene="", _timer=object(), report=lambda level, text: reports.append((*level, text)))
+    for name in ("_begin", "_some", "_count", "_hide", "_finish", "modal"):
+        setattr(fake, name, MethodType(getattr(kind, name), fake))
+    fake._begin(window)
+    fake.scene = scene.name
+    before = state(scene)
+    for tick in range(100):
+        key = "ESC" if tick == stop_after else "TIMER"
+        result = fake.modal(window, SimpleNamespace(type=key, value="PRESS"))
+        assert_same(scene, before)
+        if result != {"RUNNING_MODAL"}:
+            return result, reports
+    raise AssertionError("the operator does not end")
+
+
+def test_in_a_window_the_scene_is_itself_between_ticks() -> None:
+    scene, folder = denoised_scene("window")
+    tree_of(scene, node=True)
+    composite._AT_A_TIME, before = 0.0, composite._AT_A_TIME
+    try:
+        result, reports = in_a_window(scene, stop_after=2)
+        assert result == {"CANCELLED"} and "2 of 3" in reports[-1][1], (result, reports)
+        assert len(kit.files(folder / "composited")) == 2
+        result, reports = in_a_window(scene)
+    finally:
+        composite._AT_A_TIME = before
+    assert result == {"FINISHED"} and "3 frames composited" in reports[-1][1], (result, reports)
+    assert len(kit.files(folder / "composited")) == 3
+
+
+def test_views_in_one_file() -> None:
+    scene = kit.build_scene("plain", kit.folder("stereo-in-one"))
+    folder = Path(scene.render.filepath).parent
+    scene.render.use_multiview = True
+    scene.camera.data.stereo.interocular_distance = 1.0
+    scene.render.image_settings.views_format = "MULTIVIEW"
+    scene.frame_end = 1
+    bpy.ops.render.render(animation=True)
+    assert bpy.ops.hush.denoise_shot() == {"FINISHED"}
+    tree_of(scene)
+    if not compat.READS_VIEWS_OF_ONE_FILE:
+        refused("Views Format Individual")
+        return
+    assert bpy.ops.hush.composite_shot() == {"FINISHED"}
+    made, wanted = (red_of_views(folder / place / "frame_0001.exr") for place in ("composited", "denoised"))
+    kit.assert_differs(wanted["left"], wanted["right"], 0.01)
+    for view in ("left", "right"):
+        kit.assert_close(made[view], wanted[view], HALF, view)
+
+
+def red_of_views(path: Path) -> dict[str, np.ndarray]:
+    """The image's red channel of each view; of one part with channels for all views, or of a part for each."""
+    found = {}
+    for part in OpenEXR.File(str(path), separate_channels=True).parts:
+        for name, channel in part.channels.items():
+            words = name.split(".")
+            if words[-1] == "R" and ("Combined" in words or "ViewLayer" not in words):
+                view = part.header.get("view") or ("right" if "right" in words else "left")
+                found[view] = channel.pixels.astype(np.float32)
+    return found
