@@ -27,6 +27,18 @@ def shot_scene(name: str = "shot", kind: str = "plain") -> tuple[bpy.types.Scene
     return kit.build_scene(kind, frames), frames
 
 
+def long_scene(name: str) -> tuple[bpy.types.Scene, Path, list[str]]:
+    """The same with sixty frames, so that there is time to stop it, and the files' names."""
+    frames = kit.folder(name)
+    names = [f"frame_{frame:04d}.exr" for frame in range(1, 61)]
+    for number, each in enumerate(names):
+        shutil.copy(kit.shot() / NAMES[number % len(NAMES)], frames / each)
+    scene = kit.build_scene("plain", frames)
+    scene.frame_end = len(names)
+    scene.render.threads = 1
+    return scene, frames, names
+
+
 def manifest(folder: Path) -> dict[str, dict]:
     """The entry of each file, with its settings in place of their key."""
     told = json.loads((folder / "hush-manifest.json").read_text(encoding="utf-8"))
@@ -171,7 +183,7 @@ def test_missing_and_damaged_frames_are_an_error_but_the_rest_is_done() -> None:
 
 
 def test_stopped_half_way_and_continued() -> None:
-    scene, frames = shot_scene("stopped")
+    scene, frames, names = long_scene("stopped")
     running = job.start(scene.name, denoise.runs(scene))
     assert not bpy.ops.hush.denoise_shot.poll(), "a second run could be started"
     wait_for_frames(running, 2)
@@ -181,19 +193,19 @@ def test_stopped_half_way_and_continued() -> None:
     assert denoise.outcome(running)[0] == "CANCELLED"
     assert "stopped" in denoise.outcome(running)[1][-1][1]
     made = images(frames / "denoised")
-    assert 2 <= len(made) < len(NAMES), made
+    assert 2 <= len(made) < len(names), made
     left = [name for name in kit.files(frames / "denoised") if name not in made]
     assert left == ["hush-manifest.json"], f"left behind: {left}"
     stamps = {name: (frames / "denoised" / name).stat().st_mtime_ns for name in made}
     for name in made:
         kit.layer(frames / "denoised" / name, "Combined")
     assert bpy.ops.hush.denoise_shot() == {"FINISHED"}
-    assert images(frames / "denoised") == NAMES
+    assert images(frames / "denoised") == names
     assert {name: (frames / "denoised" / name).stat().st_mtime_ns for name in made} == stamps, "finished frames were made again"
 
 
 def test_a_worker_that_is_killed_is_told() -> None:
-    scene, frames = shot_scene("killed")
+    scene, frames, names = long_scene("killed")
     running = job.start(scene.name, denoise.runs(scene))
     wait_for_frames(running, 1)
     os.kill(running._process.pid, signal.SIGKILL)
@@ -201,11 +213,11 @@ def test_a_worker_that_is_killed_is_told() -> None:
     result, reports = denoise.outcome(running)
     assert result == "CANCELLED" and reports[-1][0] == "ERROR" and "killed" in reports[-1][1], reports
     assert bpy.ops.hush.denoise_shot() == {"FINISHED"}
-    assert images(frames / "denoised") == NAMES
+    assert images(frames / "denoised") == names
 
 
 def test_the_worker_ends_with_blender() -> None:
-    _, frames = shot_scene("orphan")
+    _, frames, names = long_scene("orphan")
     blend = kit.folder("orphan-file") / "shot.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(blend))
     told = kit.blender(
@@ -224,11 +236,11 @@ os._exit(0)
     while Path(f"/proc/{worker}").exists() and "Z" not in Path(f"/proc/{worker}/stat").read_text(encoding="utf-8").split()[2]:
         assert time.monotonic() < until, "the worker goes on without Blender"
         time.sleep(0.1)
-    assert len(images(frames / "denoised") if (frames / "denoised").exists() else []) < len(NAMES), "it denoised the whole shot alone"
+    assert len(images(frames / "denoised") if (frames / "denoised").exists() else []) < len(names), "it denoised the whole shot alone"
 
 
 def test_switching_the_extension_off_stops_the_worker() -> None:
-    scene, _ = shot_scene("off")
+    scene, _, _ = long_scene("off")
     running = job.start(scene.name, denoise.runs(scene))
     kit.disable()
     assert running._process.poll() is not None
@@ -343,21 +355,21 @@ def test_in_a_window_progress_is_shown_and_events_pass() -> None:
 
 
 def test_in_a_window_esc_stops_after_the_frame_in_hand() -> None:
-    _, frames = shot_scene("esc")
+    _, frames, names = long_scene("esc")
     window = Window()
     fake = window.operator()
     assert fake._begin(window)
-    while not (frames / "denoised" / NAMES[0]).exists():
+    while not (frames / "denoised" / names[0]).exists():
         press(fake, window, "TIMER")
     assert press(fake, window, "ESC") == {"RUNNING_MODAL"}
     assert "Stopping" in window.shown[-1]
     assert ticks(fake, window) == {"CANCELLED"}
     assert "stopped" in window.reports[-1][1]
-    assert len(images(frames / "denoised")) < len(NAMES)
+    assert len(images(frames / "denoised")) < len(names)
 
 
 def test_opening_another_file_stops_it() -> None:
-    shot_scene("another")
+    long_scene("another")
     window = Window()
     fake = window.operator()
     assert fake._begin(window)
