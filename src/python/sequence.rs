@@ -88,12 +88,8 @@ struct Calls {
 impl Calls {
     /// Serves Python until the run is over; whatever Python raises stops the run.
     fn serve(mut self, events: &Receiver<PyResult<String>>, seen: &Sender<()>) -> Option<PyErr> {
+        let mut event = None;
         loop {
-            let event = match events.recv_timeout(POLL) {
-                Ok(event) => Some(event),
-                Err(RecvTimeoutError::Timeout) => None,
-                Err(RecvTimeoutError::Disconnected) => return self.failed,
-            };
             let waits = event.is_some();
             if self.failed.is_none()
                 && let Err(error) = Python::attach(|py| self.call(py, event))
@@ -104,6 +100,11 @@ impl Calls {
             if waits {
                 let _ = seen.send(());
             }
+            event = match events.recv_timeout(POLL) {
+                Ok(event) => Some(event),
+                Err(RecvTimeoutError::Timeout) => None,
+                Err(RecvTimeoutError::Disconnected) => return self.failed,
+            };
         }
     }
 
