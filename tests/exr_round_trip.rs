@@ -171,14 +171,14 @@ fn layer_names_may_hold_dots_and_spaces() {
             }
         };
         write(&source, parts, Style::new(Compression::PIZ));
-        let selection = Selection { layer: Some("My layer.v2 x".into()), ..Selection::default() };
+        let selection = Selection { layers: vec!["My layer.v2 x".into()], ..Selection::default() };
         let layout = read_layout(&source).unwrap();
         let resolved = resolve(&layout, &selection).unwrap();
         assert_eq!(resolved.vector.as_ref().map(|v| v.channels[0].name.as_str()), Some("My layer.v2 x.Vector.X"));
         denoise(&source, &output, &selection, &KEEP);
         compare(&source, &output, |_, n| n.starts_with("My layer.v2 x.Combined"), 4, 0.0, "dots and spaces");
         // The other layer has no vectors of its own, but can borrow them.
-        let other = Selection { layer: Some("ViewLayer".into()), ..Selection::default() };
+        let other = Selection { layers: vec!["ViewLayer".into()], ..Selection::default() };
         let resolved = resolve(&layout, &other).unwrap();
         assert!(resolved.missing.iter().any(|m| m.pass == "Vector" && m.advice.contains("My layer.v2 x")));
         let borrowed = Selection { vector_layer: Some("My layer.v2 x".into()), ..other };

@@ -5,7 +5,7 @@ mod exr_support;
 use exr::prelude::{Compression, SampleType};
 use exr_support::*;
 use hush::Error;
-use hush::io::{Guides, Layout, Selection, inspect, read_layout, resolve};
+use hush::io::{Guides, Layout, Selection, inspect, read_layout, resolve, resolve_views};
 
 fn layout_of(passes: &[(&str, &str)], attributes: &[(&str, &str)], compression: Compression) -> (tempfile::TempDir, Layout) {
     let (folder, source, _) = folder();
@@ -36,10 +36,33 @@ fn the_layer_with_the_most_samples_wins() {
     assert!(resolved.notes[0].contains("A vectors, Composite"), "{:?}", resolved.notes);
     let borrowed = Selection { vector_layer: Some("A vectors".into()), ..Selection::default() };
     assert_eq!(resolve(&layout, &borrowed).unwrap().vector.unwrap().layer, "A vectors");
-    let unknown = Selection { layer: Some("Nope".into()), ..Selection::default() };
+    let unknown = Selection { layers: vec!["Nope".into()], ..Selection::default() };
     assert!(resolve(&layout, &unknown).unwrap_err().to_string().contains("A vectors, Composite, ViewLayer"));
     let view = Selection { view: Some("left".into()), ..Selection::default() };
     assert!(resolve(&layout, &view).unwrap_err().to_string().contains("one view only"));
+}
+
+#[test]
+fn several_layers_are_denoised_in_one_go() {
+    let passes = [
+        ("A.Combined", "RGBA"),
+        ("Vectors.Combined", "RGBA"),
+        ("Vectors.Vector", "XYZW"),
+        ("B.Combined", "RGBA"),
+        ("Data.Mist", "Z"),
+    ];
+    let (_folder, layout) = layout_of(&passes, &[], Compression::ZIP16);
+    let found = |layers: &[&str], vectors: Option<&str>| {
+        let layers = layers.iter().map(|l| l.to_string()).collect();
+        let selection = Selection { layers, vector_layer: vectors.map(Into::into), ..Selection::default() };
+        let views = resolve_views(&layout, &selection)?;
+        Ok::<_, Error>(views.iter().map(|v| (v.layer.clone(), v.vector.is_some())).collect::<Vec<_>>())
+    };
+    let on = |layers: &[(&str, bool)]| layers.iter().map(|(l, v)| (l.to_string(), *v)).collect::<Vec<_>>();
+    assert_eq!(found(&["all"], Some("Vectors")).unwrap(), on(&[("A", true), ("B", true)]));
+    assert_eq!(found(&["B", "A", "B"], None).unwrap(), on(&[("B", false), ("A", false)]));
+    assert_eq!(found(&["all"], None).unwrap().len(), 3);
+    assert!(matches!(found(&["A", "C"], None), Err(Error::MissingPass { .. })));
 }
 
 #[test]

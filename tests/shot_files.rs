@@ -6,6 +6,7 @@ use std::fs;
 
 use common::{Look, Shot, name, write_frame};
 use exr::prelude::Compression;
+use hush::io::{Selection, read_frame, read_layout, resolve};
 use hush::shot::{Job, Status};
 
 #[test]
@@ -221,4 +222,23 @@ fn an_output_that_vanishes_ends_the_run_with_a_reason() {
     let summary = outcome.summary();
     assert!(summary.stopped.is_some() && !summary.is_complete(), "{:?}", outcome.log);
     assert!(summary.failed.len() < 4, "further frames were attempted: {:?}", outcome.log);
+}
+
+#[test]
+fn several_view_layers_in_one_run_are_as_each_alone() {
+    let shot = Shot::new(1..=3, Look { layers: &["Back", "Front"], ..Look::default() });
+    let select = |layer: &str| Selection { layers: vec![layer.into()], ..Selection::default() };
+    let colour = |number: i64, layer: &str| {
+        let layout = read_layout(&shot.output(number)).unwrap();
+        read_frame(&layout, &resolve(&layout, &select(layer)).unwrap()).unwrap().colour
+    };
+    let of = |asked: &str| {
+        shot.run(&Job { selection: select(asked), ..shot.job() }).summary();
+        [1, 2, 3].map(|n| ["Back", "Front"].map(|layer| colour(n, layer)))
+    };
+    let (back, front, both) = (of("Back"), of("Front"), of("all"));
+    for i in 0..3 {
+        assert!(both[i] == [back[i][0].clone(), front[i][1].clone()], "frame {}", i + 1);
+        assert!(both[i][0] != front[i][0], "a layer that was not asked for stays as it was");
+    }
 }

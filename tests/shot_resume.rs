@@ -6,6 +6,7 @@ use std::fs;
 use std::time::SystemTime;
 
 use common::{Look, Shot, name, write_frame};
+use hush::plan::lambda::Lambda;
 use hush::shot::{CancelToken, Event, Job, MANIFEST, ModelId, Status};
 
 fn modified(shot: &Shot, number: i64) -> SystemTime {
@@ -34,7 +35,7 @@ fn other_settings_make_the_frames_again_and_say_so() {
     let shot = Shot::new(1..=3, Look::default());
     shot.run(&shot.job());
     let changed = [
-        (Job { lambda: 4.0, ..shot.job() }, "lambda 1 → 4"),
+        (Job { lambda: Lambda::constant(4.0).unwrap(), ..shot.job() }, "lambda 1 → 4"),
         (Job { window: Some(1), ..shot.job() }, "lambda 4 → 1, window 2 → 1"),
         (Job { keep_noisy: true, ..shot.job() }, "window 1 → 2, keep noisy false → true"),
         (Job { model: ModelId { name: "b".into(), hash: Some("1".into()) }, ..shot.job() }, "model embedded ("),
@@ -48,6 +49,22 @@ fn other_settings_make_the_frames_again_and_say_so() {
         assert_eq!(shot.run(&job).log.with(Status::Skipped), [1, 2, 3], "{expected}");
     }
     assert_eq!(shot.manifest().settings.len(), 1, "settings that no frame has are forgotten");
+}
+
+#[test]
+fn where_lambda_follows_keys_only_the_frames_that_it_changes_are_made_again() {
+    let shot = Shot::new(1..=4, Look::default());
+    let job = |lambda: &str| Job { lambda: lambda.parse().unwrap(), ..shot.job() };
+    shot.run(&job("4"));
+    let constant = fs::read(shot.output(2)).unwrap();
+    let keyed = shot.run(&job("1:1,2:4,4:8"));
+    assert_eq!(keyed.log.with(Status::Denoised), [1, 3, 4]);
+    assert_eq!(keyed.log.with(Status::Skipped), [2]);
+    let manifest = shot.manifest();
+    let lambda = |n| manifest.settings[&manifest.frames[&name(n)].settings].lambda;
+    assert_eq!([1, 2, 3, 4].map(lambda), [1.0, 4.0, 6.0, 8.0]);
+    shot.run(&Job { overwrite: true, ..job("1:1,2:4,4:8") });
+    assert!(fs::read(shot.output(2)).unwrap() == constant, "a frame's λ is its own, whatever the others have");
 }
 
 #[test]

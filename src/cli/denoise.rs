@@ -111,7 +111,7 @@ fn show(job: &Job, plan: &Plan) {
         job.output.display(),
         plan.frames.len(),
         plan.settings.window,
-        plan.settings.lambda
+        job.lambda
     ));
     for warning in &plan.warnings {
         print(format_args!("warning: {}", warning.message));

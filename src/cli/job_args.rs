@@ -10,6 +10,7 @@ use crate::error::{Error, Result};
 use crate::io::sequence::Sequence;
 use crate::io::{Guides, Selection};
 use crate::plan::frames::FrameSet;
+use crate::plan::lambda::Lambda;
 use crate::shot::{Job, ModelId};
 
 /// Everything of a job but its inputs.
@@ -18,18 +19,18 @@ pub(super) struct JobArgs {
     /// Folder to write to; never the one with the inputs
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
-    /// From 1 (cleanest) to 64 (keeps grain and the detail hidden in it)
-    #[arg(short, long, default_value_t = 1.0, allow_negative_numbers = true)]
-    lambda: f32,
+    /// From 1 (cleanest) to 64 (keeps grain and the detail hidden in it); 1:1,24:8 goes from 1 at frame 1 to 8 at frame 24
+    #[arg(short, long, default_value_t, allow_hyphen_values = true)]
+    lambda: Lambda,
     /// Frames on each side that help, 0 to 3 [default: 2 where there is a Vector pass, else 0]
     #[arg(short, long)]
     window: Option<usize>,
     /// Frames to write, such as 1-48,60; frames beside them still help [default: all]
     #[arg(short, long, allow_hyphen_values = true)]
     pub frames: Option<FrameSet>,
-    /// View layer to denoise [default: the one with the most samples]
-    #[arg(long, value_name = "NAME")]
-    layer: Option<String>,
+    /// View layer to denoise; may be given several times [default: the one with the most samples]
+    #[arg(long = "layer", value_name = "NAME|all")]
+    layers: Vec<String>,
     /// Stereo view to denoise [default: all]
     #[arg(long, value_name = "NAME")]
     view: Option<String>,
@@ -70,7 +71,7 @@ impl JobArgs {
     pub fn job(&self, sequence: Sequence) -> Result<Job> {
         let guides = Guides { albedo: !self.no_albedo, normal: !self.no_normal, depth: !self.no_depth, vector: !self.no_vector };
         let selection = Selection {
-            layer: self.layer.clone(),
+            layers: self.layers.clone(),
             view: self.view.clone(),
             vector_layer: self.vector_layer.clone(),
             guides,
@@ -79,7 +80,7 @@ impl JobArgs {
         };
         Ok(Job {
             frames: self.frames.clone(),
-            lambda: self.lambda,
+            lambda: self.lambda.clone(),
             window: self.window,
             selection,
             keep_noisy: self.keep_noisy,

@@ -8,6 +8,8 @@ use crate::error::{Error, Result};
 
 /// The pass that holds the noisy beauty where Cycles denoised Combined.
 pub(crate) const NOISY: &str = "Noisy Image";
+/// Stands for all view layers.
+const ALL: &str = "all";
 /// Passes that hold the beauty: Blender's, a File Output node's, a plain image's, other writers'.
 const BEAUTY: [&str; 7] = ["Combined", "Image", "", "Beauty", "beauty", "RGBA", "rgba"];
 
@@ -26,11 +28,11 @@ impl Default for Guides {
     }
 }
 
-/// What the user asks for. The default takes the layer with the most samples, its first view and every guide.
+/// What the user asks for. The default takes the view layer with the most samples, all its views and every guide.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Selection {
-    /// View layer to denoise.
-    pub layer: Option<String>,
+    /// View layers to denoise, or `all`, which leaves out `vector_layer`. Empty: the one with the most samples.
+    pub layers: Vec<String>,
     /// Stereo view to denoise.
     pub view: Option<String>,
     /// Another view layer to take the Vector pass from (one without motion blur).
@@ -151,7 +153,7 @@ pub fn resolve(layout: &Layout, selection: &Selection) -> Result<Resolved> {
     let (aovs, missing_lights) = lights::find(layout, layer, view, &selection.aovs, guides.window)?;
 
     let others: Vec<&str> = candidates(layout).map(|l| l.name.as_str()).filter(|n| *n != layer.name).collect();
-    if selection.layer.is_none() && !others.is_empty() {
+    if selection.layers.is_empty() && !others.is_empty() {
         notes.push(format!(
             "The file holds several view layers; {} is denoised, {} stays as it is.",
             layer.name,
@@ -188,20 +190,23 @@ pub fn resolve(layout: &Layout, selection: &Selection) -> Result<Resolved> {
     })
 }
 
-/// As [`resolve`], once for each stereo view where the selection names none, so that a stereo file is denoised as a whole.
+/// As [`resolve`], once for each view layer that the selection names, and for each stereo view where it names none, so that a
+/// file is denoised as a whole.
 ///
 /// # Errors
-/// As [`resolve`].
+/// As [`resolve`]; [`Error::MissingPass`] if `all` finds no view layer with a beauty.
 pub fn resolve_views(layout: &Layout, selection: &Selection) -> Result<Vec<Resolved>> {
-    let layer = pick_layer(layout, selection)?;
-    if selection.view.is_some() || layer.views.is_empty() {
-        return Ok(vec![resolve(layout, selection)?]);
+    let mut found: Vec<Resolved> = Vec::new();
+    for layer in pick_layers(layout, selection)? {
+        let views = layer.views.iter().map(|v| Some(v.clone())).collect::<Vec<_>>();
+        let views = if selection.view.is_some() || views.is_empty() { vec![selection.view.clone()] } else { views };
+        // Only where no layer was named does `resolve` tell of the others.
+        let layers = if selection.layers.is_empty() { Vec::new() } else { vec![layer.name.clone()] };
+        for view in views {
+            found.push(resolve(layout, &Selection { layers: layers.clone(), view, ..selection.clone() })?);
+        }
     }
-    let of_view = |view: &String| {
-        let selection = Selection { layer: Some(layer.name.clone()), view: Some(view.clone()), ..selection.clone() };
-        resolve(layout, &selection)
-    };
-    layer.views.iter().map(of_view).collect()
+    Ok(found)
 }
 
 const DENOISING_DATA: &str = "enable View Layer › Passes › Data › Denoising Data";
@@ -236,9 +241,29 @@ fn candidates(layout: &Layout) -> impl Iterator<Item = &ViewLayer> {
     })
 }
 
+/// The layers to denoise, each once, in the file's order for `all`, else as they were named.
+fn pick_layers<'a>(layout: &'a Layout, selection: &Selection) -> Result<Vec<&'a ViewLayer>> {
+    if selection.layers.is_empty() {
+        return Ok(vec![pick_layer(layout, selection)?]);
+    }
+    let mut picked: Vec<&ViewLayer> = Vec::new();
+    for name in &selection.layers {
+        let named: Vec<&ViewLayer> = match layout.layer(name) {
+            Some(layer) => vec![layer],
+            None if name == ALL => candidates(layout).filter(|l| Some(&l.name) != selection.vector_layer.as_ref()).collect(),
+            None => return Err(missing_layer(layout, name)),
+        };
+        let new = named.into_iter().filter(|l| !picked.iter().any(|p| p.name == l.name)).collect::<Vec<_>>();
+        picked.extend(new);
+    }
+    let first = layout.layers.first().filter(|_| picked.is_empty());
+    first.map_or(Ok(picked), |layer| Err(no_beauty(layout, layer)))
+}
+
 fn pick_layer<'a>(layout: &'a Layout, selection: &Selection) -> Result<&'a ViewLayer> {
-    if let Some(name) = &selection.layer {
-        return layout.layer(name).ok_or_else(|| missing_layer(layout, name));
+    if !selection.layers.is_empty() {
+        let first = pick_layers(layout, selection)?.into_iter().next();
+        return first.ok_or_else(|| Error::bad_file(&layout.path, "holds no layers"));
     }
     // A one-sample layer for the vectors must not win; the first wins among equals.
     let ranked = candidates(layout).filter(|l| Some(&l.name) != selection.vector_layer.as_ref() || layout.layers.len() == 1);

@@ -41,7 +41,7 @@ pub(super) fn read(path: &Path, vector: bool, options: &EvaluateOptions) -> Resu
     let has_layer = |name: &String| layout.layer(name).is_some_and(|l| l.passes.iter().any(|p| p.name == "Vector"));
     let vector = vector && options.vector_layer.as_ref().is_none_or(has_layer);
     let selection = Selection {
-        layer: options.layer.clone(),
+        layers: options.layer.iter().cloned().collect(),
         view: options.view.clone(),
         vector_layer: options.vector_layer.clone().filter(|_| vector),
         guides: Guides { albedo: false, normal: false, depth: false, vector },

@@ -2,5 +2,6 @@
 
 pub mod checks;
 pub mod frames;
+pub mod lambda;
 pub mod tiles;
 pub mod window;

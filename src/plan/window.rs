@@ -100,17 +100,6 @@ pub fn check_window(window: usize) -> Result<usize> {
     Ok(window)
 }
 
-/// Checks λ: below 1 and NaN are refused, above 64 is clamped. The message is there where it was clamped.
-pub fn check_lambda(lambda: f32) -> Result<(f32, Option<String>)> {
-    let (low, high) = LAMBDA_RANGE;
-    if lambda.is_nan() || lambda < low {
-        let reason = format!("{lambda} is out of range: 1 (cleanest) to 64 (keeps grain and hidden detail)");
-        return Err(Error::BadSetting { name: "lambda", reason });
-    }
-    let note = (lambda > high).then(|| format!("lambda {lambda} is beyond the range, {high} is used"));
-    Ok((lambda.min(high), note))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -153,11 +142,5 @@ mod tests {
     #[test]
     fn settings_are_checked() {
         assert!(check_window(3).is_ok() && check_window(4).is_err());
-        for bad in [f32::NAN, 0.99, 0.0, -1.0, f32::NEG_INFINITY] {
-            assert!(check_lambda(bad).is_err(), "{bad}");
-        }
-        assert_eq!(check_lambda(1.0).unwrap(), (1.0, None));
-        let (lambda, note) = check_lambda(f32::INFINITY).unwrap();
-        assert!(lambda == 64.0 && note.is_some());
     }
 }

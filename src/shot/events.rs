@@ -39,7 +39,7 @@ pub enum Event<'a> {
         todo: usize,
         /// Frames on each side that help.
         window: usize,
-        /// The dial, after clamping.
+        /// The dial of the first frame, after clamping.
         lambda: f32,
     },
     /// A frame is being denoised.
@@ -53,6 +53,8 @@ pub enum Event<'a> {
         frame: i64,
         /// What became of it.
         status: Status,
+        /// The dial, after clamping.
+        lambda: f32,
         /// The input file.
         source: PathBuf,
         /// The output file.

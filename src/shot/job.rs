@@ -9,7 +9,8 @@ use crate::io::sequence::Sequence;
 use crate::io::{Guides, Selection};
 use crate::network::weights::EMBEDDED;
 use crate::plan::frames::FrameSet;
-use crate::plan::window::{check_lambda, check_window};
+use crate::plan::lambda::Lambda;
+use crate::plan::window::check_window;
 
 /// A shot to denoise.
 #[derive(Clone, Debug)]
@@ -20,8 +21,8 @@ pub struct Job {
     pub output: PathBuf,
     /// The frames to write; None for all. Neighbours outside are still used.
     pub frames: Option<FrameSet>,
-    /// The dial, from 1; above 64 is clamped with a warning.
-    pub lambda: f32,
+    /// The dial, the same or another for each frame.
+    pub lambda: Lambda,
     /// Frames on each side, 0 to 3. None: 2 where there are motion vectors, else 0. A number above 0 demands vectors.
     pub window: Option<usize>,
     /// Which layer, view, guides and light passes to read.
@@ -43,7 +44,7 @@ impl Job {
             sequence,
             output: output.into(),
             frames: None,
-            lambda: 1.0,
+            lambda: Lambda::default(),
             window: None,
             selection: Selection::default(),
             keep_noisy: false,
@@ -53,25 +54,23 @@ impl Job {
         }
     }
 
-    /// The settings that decide what a frame looks like, once the window is known, and a message where one was changed.
-    pub(super) fn settings(&self, window: usize) -> Result<(FrameSettings, Option<String>)> {
-        let (lambda, note) = check_lambda(self.lambda)?;
+    /// The settings that decide what a frame looks like, once the window is known; λ is that of `frame`.
+    pub(super) fn settings(&self, window: usize, frame: i64) -> Result<FrameSettings> {
         if let Some(asked) = self.window {
             check_window(asked)?;
         }
         let s = &self.selection;
-        let settings = FrameSettings {
-            lambda,
+        Ok(FrameSettings {
+            lambda: self.lambda.at(frame),
             window,
-            layer: s.layer.clone(),
+            layers: s.layers.clone(),
             view: s.view.clone(),
             vector_layer: s.vector_layer.clone(),
             guides: GuideSettings::from(&s.guides),
             aovs: s.aovs.clone(),
             keep_noisy: self.keep_noisy,
             model: self.model.clone(),
-        };
-        Ok((settings, note))
+        })
     }
 }
 
@@ -105,8 +104,9 @@ pub struct FrameSettings {
     pub lambda: f32,
     /// Frames on each side.
     pub window: usize,
-    /// View layer; none for the only or first one.
-    pub layer: Option<String>,
+    /// View layers, as they were asked for; none for the one with the most samples.
+    #[serde(default)]
+    pub layers: Vec<String>,
     /// Stereo view.
     pub view: Option<String>,
     /// View layer that the vectors come from.
@@ -157,7 +157,7 @@ impl FrameSettings {
         let pairs = [
             ("lambda", old.lambda.to_string(), self.lambda.to_string()),
             ("window", old.window.to_string(), self.window.to_string()),
-            ("layer", opt(&old.layer), opt(&self.layer)),
+            ("layers", old.layers.join("+"), self.layers.join("+")),
             ("view", opt(&old.view), opt(&self.view)),
             ("vector layer", opt(&old.vector_layer), opt(&self.vector_layer)),
             ("guides", guides(&old.guides), guides(&self.guides)),
@@ -194,20 +194,16 @@ mod tests {
 
     #[test]
     fn settings_tell_what_changed() {
-        let a = job().settings(2).unwrap().0;
-        let b = Job { lambda: 4.0, ..job() }.settings(0).unwrap().0;
+        let a = job().settings(2, 1).unwrap();
+        let b = Job { lambda: "1:4,5:8".parse().unwrap(), ..job() }.settings(0, 1).unwrap();
         assert_eq!(b.changes_since(&a), "lambda 1 → 4, window 2 → 0");
-        assert!(a.key() != b.key() && a.key() == job().settings(2).unwrap().0.key());
+        assert!(a.key() != b.key() && a.key() == job().settings(2, 9).unwrap().key());
         let json = serde_json::to_string(&b).unwrap();
         assert_eq!(serde_json::from_str::<FrameSettings>(&json).unwrap(), b);
     }
 
     #[test]
-    fn settings_out_of_range_are_refused_or_clamped() {
-        assert!(Job { lambda: 0.5, ..job() }.settings(0).is_err());
-        assert!(Job { lambda: f32::NAN, ..job() }.settings(0).is_err());
-        assert!(Job { window: Some(4), ..job() }.settings(0).is_err());
-        let (settings, note) = Job { lambda: 1000.0, ..job() }.settings(0).unwrap();
-        assert!(settings.lambda == 64.0 && note.is_some());
+    fn a_window_too_wide_is_refused() {
+        assert!(Job { window: Some(4), ..job() }.settings(0, 1).is_err());
     }
 }

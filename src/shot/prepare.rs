@@ -38,6 +38,8 @@ pub struct PlannedFrame {
     pub source: PathBuf,
     /// The output file.
     pub output: PathBuf,
+    /// The dial.
+    pub lambda: f32,
     /// What to do.
     #[serde(flatten)]
     pub action: Action,
@@ -49,7 +51,7 @@ pub struct PlannedFrame {
 /// The plan of a run.
 #[derive(Serialize)]
 pub struct Plan {
-    /// The settings of every frame.
+    /// The settings of every frame, but for λ, which is the first frame's.
     pub settings: FrameSettings,
     /// The frames of the range that have a file, ascending.
     pub frames: Vec<PlannedFrame>,
@@ -94,7 +96,6 @@ impl Plan {
     /// window asked for without a Vector pass; with `strict` any missing or bad frame and a changing resolution.
     pub fn new(job: &Job) -> Result<Self> {
         check_output(job)?;
-        job.settings(0)?;
         let mut reach = job.window.map(check_window).transpose()?.unwrap_or(DEFAULT_WINDOW);
         if !job.selection.guides.vector {
             if job.window.is_some_and(|w| w > 0) {
@@ -118,9 +119,9 @@ impl Plan {
         }
         let headers: Vec<Header> = targets.iter().filter_map(|t| sources.good.get(t)).map(|s| s.header.clone()).collect();
         let window = resolve_window(job, &sources, &headers, reach)?;
-        let (settings, note) = job.settings(window)?;
+        let settings = job.settings(window, targets.first().copied().unwrap_or_default())?;
         let gaps = job.frames.clone().unwrap_or_else(|| FrameSet::hull(&numbers)).missing(&numbers);
-        let mut warnings = header_warnings(job, &headers, &gaps, note)?;
+        let mut warnings = header_warnings(job, &headers, &gaps)?;
         let manifest = Manifest::load(&job.output).unwrap_or_else(|e| {
             warnings.push(Warning::new(WarningKind::Manifest, format!("{e}: what it says about the frames there is not known")));
             Manifest::default()
@@ -129,6 +130,11 @@ impl Plan {
         warnings.extend(redone_warnings(&frames));
         let missing = if job.frames.is_some() { gaps } else { Vec::new() };
         Ok(Self { settings, frames, warnings, missing, sources, manifest })
+    }
+
+    /// The settings of one frame.
+    pub(super) fn settings_of(&self, frame: &PlannedFrame) -> FrameSettings {
+        FrameSettings { lambda: frame.lambda, ..self.settings.clone() }
     }
 
     /// The entry of a frame in the manifest before anything is done.
@@ -192,8 +198,8 @@ fn resolve_window(job: &Job, sources: &Sources, headers: &[Header], reach: usize
     }
 }
 
-fn header_warnings(job: &Job, headers: &[Header], gaps: &[(i64, i64)], note: Option<String>) -> Result<Vec<Warning>> {
-    let mut warnings: Vec<Warning> = note.map(|n| Warning::new(WarningKind::Setting, n)).into_iter().collect();
+fn header_warnings(job: &Job, headers: &[Header], gaps: &[(i64, i64)]) -> Result<Vec<Warning>> {
+    let mut warnings: Vec<Warning> = job.lambda.note().map(|n| Warning::new(WarningKind::Setting, n)).into_iter().collect();
     for warning in [checks::missing_frames(gaps), checks::resolution(headers)].into_iter().flatten() {
         if job.strict {
             return Err(Error::BadInput { input: job.sequence.name.clone(), reason: warning.message });
@@ -226,6 +232,7 @@ fn plan_frames(
     for &number in targets {
         let Some(source) = job.sequence.path(number) else { continue };
         let output = output_path(job, source);
+        let settings = &FrameSettings { lambda: job.lambda.at(number), ..settings.clone() };
         let window = neighbours(number, settings.window, |n| sources.known(n));
         let entry = output.file_name().and_then(|n| manifest.frames.get(n.to_string_lossy().as_ref()));
         let action = match sources.bad.get(&number) {
@@ -239,7 +246,8 @@ fn plan_frames(
                 }
             },
         };
-        frames.push(PlannedFrame { frame: number, source: source.into(), output, action, neighbours: window });
+        let lambda = settings.lambda;
+        frames.push(PlannedFrame { frame: number, source: source.into(), output, lambda, action, neighbours: window });
     }
     if let Some(first) = foreign.first() {
         let reason = format!(

@@ -112,8 +112,8 @@ impl<'a> Run<'a> {
         for (number, message) in &plan.sources.bad {
             (self.report)(Event::Error { frame: Some(*number), message: message.clone() });
         }
-        let key = self.manifest.settings_key(&plan.settings);
         for (index, frame) in plan.frames.iter().enumerate() {
+            let key = self.manifest.settings_key(&plan.settings_of(frame));
             let mut entry = plan.entry(frame, &key);
             let before = plan.manifest.frames.get(&file_name(&frame.output));
             if let (Action::Skip, Some(before)) = (&frame.action, before) {
@@ -132,20 +132,13 @@ impl<'a> Run<'a> {
         let plan = self.plan;
         let order = decode_order(&plan.frames);
         let ahead = usize::from(plan.sources.good.values().map(|s| s.bytes()).max().unwrap_or(0) <= BIG_FRAME);
-        let made_by = format!(
-            "hush {}, lambda {}, window {}, model {}",
-            env!("CARGO_PKG_VERSION"),
-            plan.settings.lambda,
-            plan.settings.window,
-            plan.settings.model.name
-        );
-        let options = WriteOptions { keep_noisy: self.job.keep_noisy, attributes: vec![("hush".into(), made_by)] };
+        let keep_noisy = self.job.keep_noisy;
         thread::scope(|scope| {
             let (decoded_in, decoded) = sync_channel(ahead);
             let (work, work_out) = sync_channel(0);
             let (written_in, written) = channel();
             scope.spawn(move || decode(&order, plan, decoded_in));
-            scope.spawn(move || write(plan, &options, &work_out, &written_in));
+            scope.spawn(move || write(plan, keep_noisy, &work_out, &written_in));
             self.compute(engine, cancel, &decoded, &work, &written);
             // Both threads end when their channels do; what the writer holds is written whole.
             drop((decoded, work));
@@ -193,7 +186,7 @@ impl<'a> Run<'a> {
             });
             let used = window.iter().filter(|n| n.unused.is_none());
             let around: Vec<(i32, &Slot)> = used.filter_map(|n| ring.get(&n.number).map(|slot| (n.offset, slot))).collect();
-            let result = denoise_views(engine, centre, &around, plan.settings.lambda);
+            let result = denoise_views(engine, centre, &around, target.lambda);
             let seconds = centre.seconds + began.elapsed().as_secs_f64();
             self.note_window(target, &window);
             match result {
@@ -300,6 +293,7 @@ impl<'a> Run<'a> {
         (self.report)(Event::Frame {
             frame: frame.frame,
             status,
+            lambda: frame.lambda,
             source: frame.source.clone(),
             output: frame.output.clone(),
             neighbours: if status == Status::Failed { Vec::new() } else { used },
@@ -354,17 +348,24 @@ fn decode(order: &[i64], plan: &Plan, to: SyncSender<Decoded>) {
 }
 
 /// The writer thread; ends with its input. After a full disk it takes frames no more.
-fn write(plan: &Plan, options: &WriteOptions, from: &Receiver<Work>, to: &Sender<Written>) {
+fn write(plan: &Plan, keep_noisy: bool, from: &Receiver<Work>, to: &Sender<Written>) {
     for Work { index, denoised, seconds } in from {
         let Some(frame) = plan.frames.get(index) else { return };
         let Some(source) = plan.sources.good.get(&frame.frame) else { return };
         let views: Vec<(&Resolved, &Denoised)> = source.views.iter().zip(&denoised).collect();
-        let result = write_views(&source.layout, &views, options, &frame.output);
+        let options = WriteOptions { keep_noisy, attributes: vec![("hush".into(), made_by(plan, frame))] };
+        let result = write_views(&source.layout, &views, &options, &frame.output);
         let over = result.as_ref().err().is_some_and(|e| frame.output.parent().is_some_and(|folder| ends_the_run(e, folder)));
         if to.send(Written { index, result, seconds }).is_err() || over {
             return;
         }
     }
+}
+
+/// The attribute `hush` of an output.
+fn made_by(plan: &Plan, frame: &PlannedFrame) -> String {
+    let (window, model) = (plan.settings.window, &plan.settings.model.name);
+    format!("hush {}, lambda {}, window {window}, model {model}", env!("CARGO_PKG_VERSION"), frame.lambda)
 }
 
 /// Whether an error is about the output folder itself, so that every further frame would meet it too.

@@ -43,7 +43,7 @@ impl Source {
         };
         let mut hasher = DefaultHasher::new();
         for view in &views {
-            (view.columns, view.rows, &view.view).hash(&mut hasher);
+            (view.columns, view.rows, &view.layer, &view.view).hash(&mut hasher);
             view.aovs.iter().for_each(|a| a.name.hash(&mut hasher));
         }
         Ok(Self { path: path.into(), layout, views, header, passes: hasher.finish() })

@@ -22,12 +22,13 @@ pub struct Look {
     /// A Noisy Image beside Combined.
     pub noisy_image: bool,
     pub compression: Compression,
+    pub layers: &'static [&'static str],
 }
 
 impl Default for Look {
     fn default() -> Self {
         let compression = Compression::ZIP16;
-        Self { columns: 24, rows: 16, seed: None, vector: Some(0.25), noisy_image: false, compression }
+        Self { columns: 24, rows: 16, seed: None, vector: Some(0.25), noisy_image: false, compression, layers: &["ViewLayer"] }
     }
 }
 
@@ -46,21 +47,25 @@ pub fn write_frame(path: &Path, number: i64, look: Look) {
         (0..size).map(|_| next()).collect()
     };
     let mut channels = Vec::new();
-    let mut add = |name: &str, values: Vec<f32>| channels.push(AnyChannel::new(name, FlatSamples::F32(values)));
-    for (i, c) in ["R", "G", "B"].into_iter().enumerate() {
-        add(&format!("ViewLayer.Combined.{c}"), noise(i as u32));
-        add(&format!("ViewLayer.Denoising Albedo.{c}"), vec![0.5; size]);
-        if look.noisy_image {
-            add(&format!("ViewLayer.Noisy Image.{c}"), noise(10 + i as u32));
+    for (index, layer) in look.layers.iter().enumerate() {
+        let mut add = |name: &str, values: Vec<f32>| {
+            channels.push(AnyChannel::new(format!("{layer}.{name}").as_str(), FlatSamples::F32(values)))
+        };
+        for (i, c) in (100 * index as u32..).zip(["R", "G", "B"]) {
+            add(&format!("Combined.{c}"), noise(i));
+            add(&format!("Denoising Albedo.{c}"), vec![0.5; size]);
+            if look.noisy_image {
+                add(&format!("Noisy Image.{c}"), noise(10 + i));
+            }
         }
-    }
-    for (c, v) in [("X", 0.0), ("Y", 0.0), ("Z", -1.0)] {
-        add(&format!("ViewLayer.Denoising Normal.{c}"), vec![v; size]);
-    }
-    add("ViewLayer.Denoising Depth.Z", vec![3.0; size]);
-    for c in ["X", "Y", "Z", "W"] {
-        if let Some(v) = look.vector {
-            add(&format!("ViewLayer.Vector.{c}"), vec![v; size]);
+        for (c, v) in [("X", 0.0), ("Y", 0.0), ("Z", -1.0)] {
+            add(&format!("Denoising Normal.{c}"), vec![v; size]);
+        }
+        add("Denoising Depth.Z", vec![3.0; size]);
+        for c in ["X", "Y", "Z", "W"] {
+            if let Some(v) = look.vector {
+                add(&format!("Vector.{c}"), vec![v; size]);
+            }
         }
     }
     let list = AnyChannels::sort(SmallVec::from_vec(channels));
