@@ -5,7 +5,10 @@ mod eval;
 mod inspect;
 mod job_args;
 mod progress;
+mod signals;
 mod size;
+mod status;
+mod watch;
 
 use std::ffi::OsString;
 use std::io::Write;
@@ -31,6 +34,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     Denoise(Box<denoise::DenoiseArgs>),
+    Watch(Box<watch::WatchArgs>),
     Inspect(inspect::InspectArgs),
     Eval(eval::EvalArgs),
 }
@@ -62,6 +66,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     };
     let exit = match cli.command {
         Command::Denoise(args) => denoise::denoise(&args),
+        Command::Watch(args) => watch::watch_folder(&args),
         Command::Inspect(args) => inspect::inspect_files(&args),
         Command::Eval(args) => eval::eval(&args),
     };

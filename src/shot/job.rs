@@ -69,7 +69,7 @@ impl Job {
     }
 
     /// The settings that decide what a frame looks like, once the window is known; λ is that of `frame`.
-    pub(super) fn settings(&self, window: usize, frame: i64) -> Result<FrameSettings> {
+    pub(crate) fn settings(&self, window: usize, frame: i64) -> Result<FrameSettings> {
         if let Some(asked) = self.window {
             check_window(asked)?;
         }
@@ -156,7 +156,7 @@ impl From<&Guides> for GuideSettings {
 
 impl FrameSettings {
     /// A short key that differs where the settings differ.
-    pub(super) fn key(&self) -> String {
+    pub(crate) fn key(&self) -> String {
         fnv(serde_json::to_string(self).unwrap_or_default().as_bytes())
     }
 

@@ -27,6 +27,8 @@ pub use events::{Event, Status, Summary};
 pub use job::{FrameSettings, GuideSettings, Job, ModelId, WholeShot};
 pub use ledger::Ledger;
 pub use manifest::{Entry, MANIFEST, MANIFEST_VERSION, Manifest, NeighbourEntry, Stamp};
+pub(crate) use output::real_folder;
 pub use output::remove_unfinished;
 pub use prepare::{Action, Plan, PlannedFrame};
 pub use run::{Runner, run};
+pub(crate) use source::has_vector;
