@@ -10,7 +10,7 @@ use crate::io::{Guides, Selection};
 use crate::network::weights::EMBEDDED;
 use crate::plan::frames::FrameSet;
 use crate::plan::lambda::Lambda;
-use crate::plan::window::check_window;
+use crate::plan::window::{DEFAULT_WINDOW, check_window};
 
 /// A shot to denoise.
 #[derive(Clone, Debug)]
@@ -66,6 +66,22 @@ impl Job {
             strict: false,
             model: ModelId::embedded(),
         }
+    }
+
+    /// Frames on each side that may help, before it is known whether there are motion vectors.
+    ///
+    /// # Errors
+    /// A window that is too wide, or that needs the vectors that are switched off.
+    pub(crate) fn reach(&self) -> Result<usize> {
+        let reach = self.window.map(check_window).transpose()?.unwrap_or(DEFAULT_WINDOW);
+        if self.selection.guides.vector {
+            return Ok(reach);
+        }
+        if self.window.is_some_and(|w| w > 0) {
+            let reason = "needs motion vectors, which are switched off: pass --window 0 or leave the Vector pass on";
+            return Err(Error::BadSetting { name: "window", reason: reason.into() });
+        }
+        Ok(0)
     }
 
     /// The settings that decide what a frame looks like, once the window is known; λ is that of `frame`.

@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::io::sequence::Sequence;
 use crate::plan::checks::WarningKind;
 use crate::plan::frames::show_ranges;
-use crate::shot::{CancelToken, Job, Runner, Stamp};
+use crate::shot::{CancelToken, Job, Runner, Stamp, real_folder};
 
 /// Even with events the folder is scanned now and then, as some get lost.
 const RESCAN: Duration = Duration::from_secs(10);
@@ -49,6 +49,7 @@ pub(super) struct Watcher<'a> {
     eyes: Eyes,
     /// The input folder, as the system knows it; none while it is not there.
     root: Option<(u64, u64)>,
+    real_input: PathBuf,
     poll: Option<Duration>,
     next_scan: Duration,
     told: Option<Waiting>,
@@ -67,7 +68,7 @@ impl<'a> Watcher<'a> {
     ) -> Result<Self> {
         let tree = Tree::new(&options.input, &options.output)?;
         // Settings that no shot could be denoised with are told now.
-        job(Sequence { name: String::new(), frames: Vec::new(), ignored: Vec::new() })?;
+        job(Sequence { name: String::new(), frames: Vec::new(), ignored: Vec::new() })?.reach()?;
         Ok(Self {
             options,
             report,
@@ -83,6 +84,7 @@ impl<'a> Watcher<'a> {
             job,
             eyes: Eyes::closed(),
             root: None,
+            real_input: PathBuf::new(),
             poll: options.poll,
             next_scan: Duration::ZERO,
             told: None,
@@ -108,7 +110,11 @@ impl<'a> Watcher<'a> {
             self.look_around(hints)?;
             self.look_into_files();
             hints = match self.work() {
-                true => self.eyes.hints(Duration::ZERO),
+                true => {
+                    // The end of the work is told, even where the numbers are as before.
+                    self.told = None;
+                    self.eyes.hints(Duration::ZERO)
+                }
                 false if self.options.once && self.is_finished() => break,
                 false => {
                     self.tell();
@@ -146,14 +152,18 @@ impl<'a> Watcher<'a> {
             return Ok(());
         }
         if self.poll.is_none() && !self.options.once && !self.eyes.are_open() {
-            if let Err(refusal) = self.eyes.open(&self.tree.input) {
+            // The system tells of real paths.
+            self.real_input = real_folder(&self.tree.input);
+            if let Err(refusal) = self.eyes.open(&self.real_input) {
                 self.warn(refusal);
                 self.poll = Some(POLL);
             }
             self.next_scan = Duration::ZERO;
         }
+        let (real, input) = (self.real_input.clone(), self.tree.input.clone());
+        let named = |path: &Path| path.strip_prefix(&real).map_or_else(|_| path.into(), |below| input.join(below));
         for (path, closed) in hints.files {
-            self.look_at(&path, closed)?;
+            self.look_at(&named(&path), closed)?;
         }
         if hints.all || self.now() >= self.next_scan {
             let before = self.now();
@@ -162,7 +172,7 @@ impl<'a> Watcher<'a> {
             self.next_scan = self.now() + (took * SHARE).max(self.poll.unwrap_or(RESCAN));
         } else {
             for folder in hints.folders {
-                self.scan(&folder)?;
+                self.scan(&named(&folder))?;
             }
         }
         Ok(())
@@ -240,6 +250,7 @@ impl<'a> Watcher<'a> {
                 if shot.look(&self.tree, number, self.began.elapsed()) {
                     let source = shot.source(&self.tree, number);
                     (self.report)(Event::Landed { shot: &shot.name, frame: number, source, again });
+                    self.told = None;
                 }
             }
         }
