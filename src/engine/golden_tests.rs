@@ -48,7 +48,7 @@ impl Case {
 
 fn engine(isa: Isa, memory: Option<u64>) -> Engine {
     let weights = Weights::from_bytes("golden", MODEL).unwrap();
-    Engine::from_weights(&weights, Settings { isa: Some(isa), memory }).unwrap()
+    Engine::from_weights(&weights, Settings { isa: Some(isa), memory, ..Settings::default() }).unwrap()
 }
 
 /// Compares (rows, columns, channels) with PyTorch's (channels, rows, columns).

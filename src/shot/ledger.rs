@@ -111,6 +111,7 @@ mod tests {
             hush: "0".into(),
             neighbours: Vec::new(),
             warnings: Vec::new(),
+            left_out: Vec::new(),
             seconds: 0.0,
         };
         manifest.frames.insert(format!("f_{frame}.exr"), entry);

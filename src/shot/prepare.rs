@@ -153,6 +153,7 @@ impl Plan {
             hush: env!("CARGO_PKG_VERSION").into(),
             neighbours: self.neighbour_entries(&frame.neighbours),
             warnings: Vec::new(),
+            left_out: Vec::new(),
             seconds: 0.0,
         }
     }
