@@ -13,6 +13,7 @@ pub mod kernels;
 pub mod metrics;
 pub mod network;
 pub mod plan;
+pub mod settings;
 pub mod shot;
 pub mod simd;
 

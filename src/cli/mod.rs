@@ -5,7 +5,9 @@ mod eval;
 mod inspect;
 mod job_args;
 mod progress;
-mod size;
+mod read_stage;
+mod setting_args;
+mod shot;
 
 use std::ffi::OsString;
 use std::io::Write;
@@ -14,10 +16,13 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
+use crate::error::Error;
+
 const EXIT_CODES: &str = "Exit codes:
   0    every frame asked for is there, written now or before
   1    nothing was done: wrong usage, unusable input, or no frame could be written
   2    some frames failed, are missing, or were done without a neighbour whose file is bad
+  3    nothing was done, because the shot's settings switch denoising off
   130  stopped by Ctrl-C or SIGTERM; run the same command again to continue";
 
 /// Takes the noise out of Blender Cycles animations without flicker.
@@ -33,6 +38,9 @@ enum Command {
     Denoise(Box<denoise::DenoiseArgs>),
     Inspect(inspect::InspectArgs),
     Eval(eval::EvalArgs),
+    Shot(shot::ShotArgs),
+    #[command(name = read_stage::NAME, hide = true)]
+    ReadStage(read_stage::ReadStageArgs),
 }
 
 /// Why the process ends as it does.
@@ -41,6 +49,7 @@ enum Exit {
     Good = 0,
     Nothing = 1,
     Partly = 2,
+    SwitchedOff = 3,
     Stopped = 130,
 }
 
@@ -64,10 +73,12 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Denoise(args) => denoise::denoise(&args),
         Command::Inspect(args) => inspect::inspect_files(&args),
         Command::Eval(args) => eval::eval(&args),
+        Command::Shot(args) => shot::shot(&args),
+        Command::ReadStage(args) => read_stage::read_stage(&args),
     };
     exit.unwrap_or_else(|error| {
         say_error(&error);
-        Exit::Nothing
+        if matches!(error, Error::SwitchedOff { .. }) { Exit::SwitchedOff } else { Exit::Nothing }
     })
     .into()
 }
