@@ -1,15 +1,16 @@
 //! `hush denoise`: arguments to a job, the run, its exit code.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 
 use super::job_args::JobArgs;
 use super::progress::{Mode, Progress};
+use super::signals::stop_on_signal;
 use super::{Exit, print, print_json, say};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::settings::{Layered, Origin};
-use crate::shot::{Action, CancelToken, Event, Job, Plan, Summary, remove_unfinished, run};
+use crate::shot::{Action, CancelToken, Event, Job, Plan, Summary, run};
 
 /// Denoises the frames of a shot
 ///
@@ -96,20 +97,6 @@ fn tell_files(settings: &Layered) {
     }
 }
 
-/// The first signal lets the frame in hand be finished, the second ends the process at once.
-fn stop_on_signal(cancel: &CancelToken, output: &Path) -> Result<()> {
-    let (cancel, output) = (cancel.clone(), output.to_path_buf());
-    let handler = move || {
-        if cancel.is_cancelled() {
-            remove_unfinished(&output);
-            std::process::exit(Exit::Stopped as i32);
-        }
-        cancel.cancel();
-        say("stopping after the frame in hand; once more stops at once");
-    };
-    ctrlc::set_handler(handler).map_err(|e| Error::BadInput { input: "signal handler".into(), reason: e.to_string() })
-}
-
 fn exit_of(summary: &Summary) -> Exit {
     if summary.interrupted {
         Exit::Stopped
@@ -152,6 +139,7 @@ fn show(job: &Job, plan: &Plan) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::Error;
 
     fn summary(frames: usize, written: usize, skipped: usize) -> Summary {
         Summary { frames, written, skipped, ..Summary::default() }

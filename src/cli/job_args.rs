@@ -79,16 +79,17 @@ impl JobArgs {
         Ok((sequence, settings))
     }
 
-    #[allow(dead_code, reason = "for hush watch")]
-    /// The job for a sequence, with the settings beside its frames.
-    pub fn job(&self, sequence: Sequence) -> Result<Job> {
-        self.settings_of(&sequence)?.job(sequence, None)
-    }
-
-    #[allow(dead_code, reason = "for hush watch")]
-    /// The engine with the weights and the memory that the command line says, or a file that it names.
-    pub fn engine(&self) -> Result<Engine> {
-        self.engine_for(&self.settings(None)?.values)
+    /// The job for a sequence, with the settings beside its frames, for an engine that was made by `engine`.
+    ///
+    /// # Errors
+    /// The settings beside the frames name other weights than the engine has.
+    pub fn job_with(&self, sequence: Sequence, engine: &Layered) -> Result<Job> {
+        let settings = self.settings_of(&sequence)?;
+        if settings.values.model != engine.values.model {
+            let reason = format!("{} names other weights, and one run has one kind: pass --model", settings.origin("model"));
+            return Err(Error::BadSetting { name: "model", reason });
+        }
+        settings.job(sequence, engine.values.output.clone())
     }
 
     /// The engine with the weights and the memory that the settings say.

@@ -8,6 +8,9 @@ mod progress;
 mod read_stage;
 mod setting_args;
 mod shot;
+mod signals;
+mod status;
+mod watch;
 
 use std::ffi::OsString;
 use std::io::Write;
@@ -36,6 +39,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     Denoise(Box<denoise::DenoiseArgs>),
+    Watch(Box<watch::WatchArgs>),
     Inspect(inspect::InspectArgs),
     Eval(eval::EvalArgs),
     Shot(shot::ShotArgs),
@@ -71,6 +75,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     };
     let exit = match cli.command {
         Command::Denoise(args) => denoise::denoise(&args),
+        Command::Watch(args) => watch::watch_folder(&args),
         Command::Inspect(args) => inspect::inspect_files(&args),
         Command::Eval(args) => eval::eval(&args),
         Command::Shot(args) => shot::shot(&args),

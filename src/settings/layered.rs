@@ -134,7 +134,16 @@ impl Layered {
         files
     }
 
-    /// The job for a sequence. `output` is where to write if no source says so.
+    /// The folder to write to.
+    ///
+    /// # Errors
+    /// [`Error::BadSetting`] where no source names one.
+    pub fn output(&self) -> Result<PathBuf> {
+        let reason = "no folder to write to is known: pass --output, or set output in hush.toml";
+        self.values.output.clone().ok_or_else(|| Error::BadSetting { name: "output", reason: reason.into() })
+    }
+
+    /// The job for a sequence. `output` is where to write, whatever the sources say.
     ///
     /// # Errors
     /// [`Error::SwitchedOff`] where the shot is not to be denoised; [`Error::BadSetting`] without an output folder; the weights
@@ -144,10 +153,7 @@ impl Layered {
         if values.enable == Some(false) {
             return Err(Error::SwitchedOff { by: self.origin("enable").to_string() });
         }
-        let output = values.output.clone().or(output).ok_or_else(|| Error::BadSetting {
-            name: "output",
-            reason: "no folder to write to is known: pass --output, or set output in hush.toml".into(),
-        })?;
+        let output = output.map_or_else(|| self.output(), Ok)?;
         let selection = Selection {
             layers: values.layers.clone().unwrap_or_default(),
             view: values.view.clone(),

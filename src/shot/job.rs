@@ -19,6 +19,8 @@ pub struct Job {
     pub sequence: Sequence,
     /// The output folder; created if it is not there. Never the input folder.
     pub output: PathBuf,
+    /// The shot that the sequence is only a part of; None where the sequence is all of it.
+    pub whole: Option<WholeShot>,
     /// The frames to write; None for all. Neighbours outside are still used.
     pub frames: Option<FrameSet>,
     /// The dial, the same or another for each frame.
@@ -39,12 +41,24 @@ pub struct Job {
     pub notes: Vec<String>,
 }
 
+/// What is known of a shot beyond the files that a job is given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WholeShot {
+    /// The first frame's number.
+    pub first: i64,
+    /// The last frame's number.
+    pub last: i64,
+    /// Whether some frame has motion vectors.
+    pub vector: bool,
+}
+
 impl Job {
     /// A job with the default settings and the embedded weights.
     pub fn new(sequence: Sequence, output: impl Into<PathBuf>) -> Self {
         Self {
             sequence,
             output: output.into(),
+            whole: None,
             frames: None,
             lambda: Lambda::default(),
             window: None,
@@ -58,7 +72,7 @@ impl Job {
     }
 
     /// The settings that decide what a frame looks like, once the window is known; λ is that of `frame`.
-    pub(super) fn settings(&self, window: usize, frame: i64) -> Result<FrameSettings> {
+    pub(crate) fn settings(&self, window: usize, frame: i64) -> Result<FrameSettings> {
         if let Some(asked) = self.window {
             check_window(asked)?;
         }
@@ -149,7 +163,7 @@ impl From<&Guides> for GuideSettings {
 
 impl FrameSettings {
     /// A short key that differs where the settings differ.
-    pub(super) fn key(&self) -> String {
+    pub(crate) fn key(&self) -> String {
         fnv(serde_json::to_string(self).unwrap_or_default().as_bytes())
     }
 
