@@ -75,7 +75,8 @@ fn watch_with(args: &WatchArgs, status: &Status) -> Result<Exit> {
     let engine = args.job.engine_for(&settings.values)?;
     let cancel = CancelToken::new();
     stop_on_signal(&cancel, &output)?;
-    let report = watch(&options, &|sequence| args.job.job_with(sequence, &settings), &engine, &|event| status.report(&event), &cancel)?;
+    let report =
+        watch(&options, &|sequence| args.job.job_with(sequence, &settings), &engine, &|event| status.report(&event), &cancel)?;
     Ok(exit_of(&report))
 }
 
