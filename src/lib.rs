@@ -16,6 +16,7 @@ pub mod network;
 pub mod plan;
 #[cfg(feature = "python")]
 mod python;
+pub mod settings;
 pub mod shot;
 pub mod simd;
 pub mod watch;

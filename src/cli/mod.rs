@@ -5,8 +5,10 @@ mod eval;
 mod inspect;
 mod job_args;
 mod progress;
+mod read_stage;
+mod setting_args;
+mod shot;
 mod signals;
-mod size;
 mod status;
 mod watch;
 
@@ -23,6 +25,7 @@ const EXIT_CODES: &str = "Exit codes:
   0    every frame asked for is there, written now or before
   1    nothing was done: wrong usage, unusable input, or no frame could be written
   2    some frames failed, are missing, or were done without a neighbour whose file is bad
+  3    nothing was done, because the shot's settings switch denoising off
   130  stopped by Ctrl-C or SIGTERM; run the same command again to continue";
 
 /// Takes the noise out of Blender Cycles animations without flicker.
@@ -39,6 +42,9 @@ enum Command {
     Watch(Box<watch::WatchArgs>),
     Inspect(inspect::InspectArgs),
     Eval(eval::EvalArgs),
+    Shot(shot::ShotArgs),
+    #[command(name = read_stage::NAME, hide = true)]
+    ReadStage(read_stage::ReadStageArgs),
 }
 
 /// Why the process ends as it does.
@@ -47,6 +53,7 @@ enum Exit {
     Good = 0,
     Nothing = 1,
     Partly = 2,
+    SwitchedOff = 3,
     Stopped = 130,
 }
 
@@ -77,10 +84,12 @@ pub fn run(args: impl IntoIterator<Item = OsString>, catch_signals: CatchSignals
         Command::Watch(args) => watch::watch_folder(&args, catch_signals),
         Command::Inspect(args) => inspect::inspect_files(&args),
         Command::Eval(args) => eval::eval(&args),
+        Command::Shot(args) => shot::shot(&args),
+        Command::ReadStage(args) => read_stage::read_stage(&args),
     };
     exit.unwrap_or_else(|error| {
         say_error(&error);
-        Exit::Nothing
+        if matches!(error, Error::SwitchedOff { .. }) { Exit::SwitchedOff } else { Exit::Nothing }
     }) as u8
 }
 

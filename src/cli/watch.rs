@@ -62,18 +62,21 @@ pub(super) fn watch_folder(args: &WatchArgs, catch_signals: CatchSignals) -> Res
 }
 
 fn watch_with(args: &WatchArgs, status: &Status, catch_signals: CatchSignals) -> Result<Exit> {
+    let settings = args.job.settings(None)?;
+    let output = settings.output()?;
     let options = Options {
         input: args.input.clone(),
-        output: args.job.output.clone(),
+        output: output.clone(),
         settle: args.settle,
         redo: !args.no_redo,
         poll: args.poll,
         once: args.once,
     };
-    let engine = args.job.engine()?;
+    let engine = args.job.engine_for(&settings.values)?;
     let cancel = CancelToken::new();
-    catch_signals(stop_handler(&cancel, &args.job.output))?;
-    let report = watch(&options, &|sequence| args.job.job(sequence), &engine, &|event| status.report(&event), &cancel)?;
+    catch_signals(stop_handler(&cancel, &output))?;
+    let report =
+        watch(&options, &|sequence| args.job.job_with(sequence, &settings), &engine, &|event| status.report(&event), &cancel)?;
     Ok(exit_of(&report))
 }
 
