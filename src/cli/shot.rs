@@ -43,8 +43,8 @@ struct ShowArgs {
 
 /// Writes settings into a .usda layer, over an existing stage or for other stages to take in
 ///
-/// Over a stage (--sublayer) they become opinions on its render prim. Without one and without --prim a new RenderPass is
-/// written, /Render/Denoise.
+/// Over a stage (--sublayer) they become opinions on its render prim. Where there is no stage, or none with a render prim, a
+/// new RenderPass is written, /Render/Denoise.
 #[derive(Args)]
 struct WriteArgs {
     /// The layer to write, a .usda file

@@ -223,8 +223,18 @@ impl<'a> Watcher<'a> {
     fn seen(&mut self, place: Place, stamp: Stamp, closed: bool) -> Result<()> {
         let now = self.now();
         if !self.shots.contains_key(&place.key) {
-            let shot = Shot::new(&self.tree, &place, self.options, self.job)?;
-            self.shots.insert(place.key.clone(), shot);
+            match Shot::new(&self.tree, &place, self.options, self.job) {
+                Ok(shot) => _ = self.shots.insert(place.key.clone(), shot),
+                // The other shots are not to suffer from it.
+                Err(error @ Error::SwitchedOff { .. }) => {
+                    let name = place.key.name(place.digits);
+                    if self.told_ignored.insert(name.clone().into()) {
+                        self.warn(format!("left out {name}: {error}"));
+                    }
+                    return Ok(());
+                }
+                Err(error) => return Err(error),
+            }
         }
         let Some(shot) = self.shots.get_mut(&place.key) else { return Ok(()) };
         if self.poll.is_some() {

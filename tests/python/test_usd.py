@@ -125,6 +125,23 @@ def test_a_pass_stands_over_its_settings_and_under_its_denoise_pass(hush: Hush, 
     assert shown(hush, f"{tmp_path / 'shot.usda'}@/Render/Settings")["window"]["value"] == 1
 
 
+def test_a_stronger_constant_beats_weaker_time_samples_and_a_block_beats_both(hush: Hush, tmp_path: Path) -> None:
+    base(tmp_path / "base.usda")
+    top = Usd.Stage.CreateNew(str(tmp_path / "top.usda"))
+    top.GetRootLayer().subLayerPaths.append("base.usda")
+    dial = attribute(top.OverridePrim(PASS), "hush:lambda", Sdf.ValueTypeNames.Float, 16.0)
+    top.Save()
+    assert dial.Get(15.0) == shown(hush, tmp_path / "top.usda")["lambda"]["value"] == 16.0
+    dial.Set(4.0, 5.0)
+    top.Save()
+    assert dial.Get(15.0) == 4.0
+    assert shown(hush, tmp_path / "top.usda")["lambda"]["value"] == 4.0
+    dial.Block()
+    top.Save()
+    assert dial.Get(15.0) is None
+    assert shown(hush, tmp_path / "top.usda")["lambda"]["source"] == "default"
+
+
 HOUDINI = """#usda 1.0
 (
     endTimeCode = 1048
@@ -252,18 +269,17 @@ def test_a_layer_lies_over_a_scene_from_blender(hush: Hush, tmp_path: Path) -> N
     over = tmp_path / "layers" / "shot_hush.usda"
     over.parent.mkdir()
     options = ("--lambda", "1:1,48:8.5", "--window", "1", "--aov", "Diffuse Direct", "--keep-noisy", "--frames", "1-48")
-    refused = hush("shot", "write", "--output", over, "--sublayer", tmp_path / "scene.usdc", *options)
-    assert refused.returncode == 1
-    assert "no RenderPass" in refused.stderr
-    done = hush("shot", "write", "--output", over, "--sublayer", tmp_path / "scene.usdc", "--prim", PASS, *options)
-    assert done.returncode == 1, "the scene has no such prim to lie over"
-    # A pass of its own, which then takes the scene in.
-    assert hush("shot", "write", "--output", over, *options).returncode == 0
-    layer = Sdf.Layer.FindOrOpen(str(over))
-    layer.subLayerPaths.append("../scene.usdc")
-    layer.Save()
+    sublayer = ("--sublayer", tmp_path / "scene.usdc")
+    missing = hush("shot", "write", "--output", over, *sublayer, "--prim", PASS, *options)
+    assert missing.returncode == 1
+    assert f"has no prim <{PASS}>" in missing.stderr
+    done = hush("shot", "write", "--output", over, *sublayer, *options)
+    assert done.returncode == 0, done.stderr
     stage = Usd.Stage.Open(str(over))
     assert stage.GetPrimAtPath("/root/Cube/Cube").IsA(UsdGeom.Cube)
+    assert stage.GetPrimAtPath("/Render/Denoise").IsA(UsdRender.Pass)
+    assert stage.GetDefaultPrim().GetPath() == "/root"
+    assert (stage.GetTimeCodesPerSecond(), stage.GetEndTimeCode(), UsdGeom.GetStageUpAxis(stage)) == (30, 250, "Z")
     settings = shown(hush, over)
     assert settings["lambda"]["value"] == keys_of(stage, "/Render/Denoise") == [[1.0, 1.0], [48.0, 8.5]]
     assert settings["aovs"]["value"] == list(stage.GetAttributeAtPath("/Render/Denoise.hush:aovs").Get())

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use openusd::sdf::Value;
+use openusd::sdf::{FieldKey, Value};
 use openusd::usd::{Attribute, Prim, Stage};
 
 use super::prims::words;
@@ -41,16 +41,45 @@ pub(super) fn read(stage: &Stage, prim: &Prim) -> Result<Layered, String> {
     Ok(all)
 }
 
+/// The strongest opinion on an attribute.
+struct Opinion {
+    layer: PathBuf,
+    /// It has time samples; they count more than a default in the same layer.
+    samples: bool,
+}
+
+/// The first layer that says a value. openusd prefers the time samples of any layer, USD those of the strongest layer only.
+fn opinion(attribute: &Attribute) -> Result<Option<Opinion>, String> {
+    let stage = attribute.stage();
+    for (name, path) in attribute.property_stack().map_err(words)? {
+        let Some(layer) = stage.layer(&name) else { continue };
+        let Some(spec) = layer.attribute(path) else { continue };
+        let samples = spec.has_field(FieldKey::TimeSamples.as_str());
+        if samples || spec.has_field(FieldKey::Default.as_str()) {
+            return Ok(Some(Opinion { layer: name.into(), samples }));
+        }
+    }
+    Ok(None)
+}
+
 /// The layer that holds an attribute's strongest opinion, and the attribute's path.
 pub(super) fn place(attribute: &Attribute) -> Result<(PathBuf, String), String> {
-    let stack = attribute.property_stack().map_err(words)?;
-    let file = stack.into_iter().next().map(|(layer, _)| layer).unwrap_or_default();
-    Ok((file.into(), attribute.path().to_string()))
+    let first = || Ok::<_, String>(attribute.property_stack().map_err(words)?.into_iter().next().map(|(layer, _)| layer.into()));
+    let layer = opinion(attribute)?.map(|o| o.layer).map_or_else(first, |layer| Ok(Some(layer)))?;
+    Ok((layer.unwrap_or_default(), attribute.path().to_string()))
+}
+
+/// The time samples of an attribute, none where a stronger layer has a constant value.
+pub(super) fn samples(attribute: &Attribute) -> Result<Vec<(f64, Value)>, String> {
+    match opinion(attribute)? {
+        Some(Opinion { samples: true, .. }) => Ok(attribute.time_samples().map_err(words)?.unwrap_or_default()),
+        _ => Ok(Vec::new()),
+    }
 }
 
 /// The value of an attribute that stays the same over time; None where nothing is authored.
 pub(super) fn constant(attribute: &Attribute) -> Result<Option<Value>, String> {
-    if attribute.num_time_samples().map_err(words)? > 0 {
+    if !samples(attribute)?.is_empty() {
         return Err(complaint(attribute, "has time samples, and only hush:lambda may change over the shot"));
     }
     let value = attribute.get::<Value>().map_err(words)?;
@@ -108,7 +137,7 @@ fn lambda(stage: &Stage, attribute: &Attribute) -> Result<Option<Lambda>, String
         complaint(attribute, &format!("is {}, expected a float from 1 to 64, or time samples of it", shown(attribute, value)))
     };
     let said = |e: crate::Error| complaint(attribute, &e.to_string());
-    let samples = attribute.time_samples().map_err(words)?.unwrap_or_default();
+    let samples = samples(attribute)?;
     if samples.is_empty() {
         let Some(value) = constant(attribute)? else { return Ok(None) };
         let number = number(&value).ok_or_else(|| wrong(&value))?;

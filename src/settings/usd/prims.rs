@@ -38,6 +38,11 @@ pub(super) fn choose(stage: &Stage, prim: Option<&str>) -> Result<Chain, String>
     Err(format!("has no prim <{wanted}>{}", if all.is_empty() { String::new() } else { format!("; there are {}", list(&all)) }))
 }
 
+/// Whether a stage has no render prim at all, as those that Blender exports.
+pub(super) fn is_bare(stage: &Stage) -> Result<bool, String> {
+    Ok(RenderPrims::find(stage)?.is_empty())
+}
+
 /// The render prims of a stage.
 #[derive(Default)]
 struct RenderPrims {
@@ -57,12 +62,16 @@ impl RenderPrims {
                 found.add(prim)?;
             }
         }
-        if found.passes.is_empty() && found.settings.is_empty() && found.denoise.is_empty() {
+        if found.is_empty() {
             let mut paths = Vec::new();
             stage.traverse(PrimPredicate::DEFAULT, |path| paths.push(path.clone())).map_err(words)?;
             paths.into_iter().try_for_each(|path| found.add(stage.prim(path)))?;
         }
         Ok(found)
+    }
+
+    fn is_empty(&self) -> bool {
+        self.passes.is_empty() && self.settings.is_empty() && self.denoise.is_empty()
     }
 
     fn add(&mut self, prim: Prim) -> Result<(), String> {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use openusd::sdf::Value;
 use openusd::usd::{Prim, Stage};
 
-use super::attributes::place;
+use super::attributes::{place, samples};
 use super::prims::{Chain, targets, type_of, words};
 use super::values::text;
 use crate::settings::layered::{Layered, Origin};
@@ -122,8 +122,7 @@ fn said(prim: &Prim, attribute: &str) -> Result<Option<String>, String> {
 /// frame's number in it, or there may be a sample for each.
 fn product_pattern(product: &Prim) -> Result<Option<String>, String> {
     let attribute = product.attribute(NAME);
-    let samples = attribute.time_samples().map_err(words)?.unwrap_or_default();
-    let name = samples.first().and_then(|(_, value)| text(value));
+    let name = samples(&attribute)?.first().and_then(|(_, value)| text(value));
     Ok(name.or(said(product, NAME)?).filter(|n| !n.is_empty()).map(|name| pattern(&name)))
 }
 

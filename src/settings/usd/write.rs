@@ -32,29 +32,34 @@ const KEPT: [&str; 8] = [
 
 /// What the layer needs to know of the stage below.
 struct Below {
-    prim: String,
+    /// None: it has no render prim.
+    prim: Option<String>,
     metadata: Vec<(&'static str, Value)>,
     frames_per_time_code: f64,
 }
 
 /// The text of a `.usda` layer to be saved at `path`, with `settings` on the prim, over `sublayer` if there is one. Without a prim
-/// it is the stage's only render prim, and a new `RenderPass` where there is no stage.
+/// it is the stage's only render prim, and a new `RenderPass` where there is none.
 ///
 /// # Errors
 /// The sublayer cannot be read, or has no such prim or several to choose from; a prim path that is none.
 pub fn write(path: &Path, settings: &Layered, prim: Option<&str>, sublayer: Option<&Path>) -> Result<String> {
     let below = sublayer.map(|file| with_stage(file, |stage| look_below(stage, prim))).transpose()?;
-    let own = below.is_none() && prim.is_none();
-    let (prim, metadata, rate) = match below {
+    let (there, metadata, rate) = match below {
         Some(below) => (below.prim, below.metadata, below.frames_per_time_code),
-        None => (prim.unwrap_or(OWN_PRIM).to_owned(), Vec::new(), 1.0),
+        None => (prim.map(str::to_owned), Vec::new(), 1.0),
     };
+    let own = there.is_none();
+    let prim = there.unwrap_or_else(|| OWN_PRIM.into());
     author(path, settings, &prim, own, sublayer, &metadata, rate).map_err(|reason| Error::bad_file(path, reason))
 }
 
 fn look_below(stage: &Stage, prim: Option<&str>) -> Result<Below, String> {
-    let chain = prims::choose(stage, prim)?;
-    let strongest = chain.prims.last().map(|p| p.path().to_string()).unwrap_or_default();
+    let bare = prim.is_none() && prims::is_bare(stage)?;
+    let strongest = match bare {
+        true => None,
+        false => prims::choose(stage, prim)?.prims.last().map(|p| p.path().to_string()),
+    };
     let mut metadata = Vec::new();
     for name in KEPT {
         metadata.extend(stage.stage_metadata(name).map_err(words)?.map(|value| (name, value)));
