@@ -158,7 +158,9 @@ impl Watch {
     /// Waits for the end; the exit code and the last event.
     pub fn end(&mut self) -> (Option<i32>, Value) {
         let code = self.child.wait().unwrap().code();
-        self.reader.take().map(|r| r.join().unwrap());
+        if let Some(reader) = self.reader.take() {
+            reader.join().unwrap();
+        }
         (code, self.events().last().cloned().unwrap_or_default())
     }
 
