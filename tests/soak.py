@@ -206,7 +206,7 @@ def soak(settings: Settings, folder: Path) -> Result:
     dice = random.Random(settings.seed + 1)
     # The last stretch is left alone, so that the memory of one long life shows.
     kills = sorted(dice.uniform(0.02, 0.75) * settings.seconds for _ in range(settings.kills))
-    began = time.monotonic()
+    began, began_at = time.monotonic(), time.time()
     writer = threading.Thread(target=render.run)
     writer.start()
     rendered = 0.0
@@ -225,15 +225,16 @@ def soak(settings: Settings, folder: Path) -> Result:
             rendered = rendered or elapsed
             states = [w.state() for w in watchers]
             full = {"landed": settings.frames, "denoised": settings.frames, "waiting": 0, "incomplete": 0, "elsewhere": 0}
-            if all(all(state.get(key) == value for key, value in full.items()) for state in states) and not kills:
+            done = all(all(state.get(key) == value for key, value in full.items()) for state in states) and not kills
+            quiet = time.time() - max(w.log.stat().st_mtime for w in watchers) > 3 and elapsed - rendered > 5
+            if done and quiet:
                 break
             if elapsed - rendered > max(60.0, settings.seconds):
                 result.problems.append(f"not done long after the render's end: {states}")
                 break
         time.sleep(0.05)
-    # What has just been seen may still be looked at again.
-    time.sleep(1.5)
-    result.seconds, result.wait = elapsed, elapsed - rendered
+    result.seconds = elapsed
+    result.wait = max(0.0, max(p.stat().st_mtime for p in (folder / "out").glob("*.exr")) - began_at - rendered)
     result.problems += [problem for problem in (w.stop() for w in watchers) if problem]
     for event in [event for w in watchers for event in w.events()]:
         if event["event"] == "frame" and event["status"] == "denoised":
