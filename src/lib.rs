@@ -2,7 +2,8 @@
 //!
 //! A temporal, multi-scale, kernel-predicting denoiser after Vogels et al. 2018, "Denoising with Kernel Prediction and
 //! Asymmetric Loss Functions". Data flows one way: [`io`] → [`frame`] → [`plan`] → [`network`] → [`kernels`] → [`io`];
-//! [`engine`] runs that chain over a window of frames in memory, [`shot`] over the files of a shot.
+//! [`engine`] runs that chain over a window of frames in memory, [`shot`] over the files of a shot,
+//! [`watch`] over a folder that is still being filled.
 
 pub mod cli;
 pub mod engine;
@@ -17,6 +18,7 @@ pub mod plan;
 mod python;
 pub mod shot;
 pub mod simd;
+pub mod watch;
 
 pub use engine::{Denoised, EncodedFrame, Engine, Settings};
 pub use error::{Error, Result};

@@ -1,15 +1,16 @@
 //! `hush denoise`: arguments to a job, the run, its exit code.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 
 use super::job_args::JobArgs;
 use super::progress::{Mode, Progress};
-use super::{CatchSignals, Exit, Handler, print, print_json, say};
+use super::signals::stop_handler;
+use super::{CatchSignals, Exit, print, print_json};
 use crate::error::Result;
 use crate::io::sequence::Sequence;
-use crate::shot::{Action, CancelToken, Event, Job, Plan, Summary, remove_unfinished, run};
+use crate::shot::{Action, CancelToken, Event, Job, Plan, Summary, run};
 
 /// Denoises the frames of a shot
 ///
@@ -77,19 +78,6 @@ fn denoise_with(args: &DenoiseArgs, mode: Mode, progress: &Progress, catch_signa
     Ok(exit_of(&summary))
 }
 
-/// The first signal lets the frame in hand be finished, the second ends the process at once.
-fn stop_handler(cancel: &CancelToken, output: &Path) -> Handler {
-    let (cancel, output) = (cancel.clone(), output.to_path_buf());
-    Box::new(move || {
-        if cancel.is_cancelled() {
-            remove_unfinished(&output);
-            std::process::exit(Exit::Stopped as i32);
-        }
-        cancel.cancel();
-        say("stopping after the frame in hand; once more stops at once");
-    })
-}
-
 fn exit_of(summary: &Summary) -> Exit {
     if summary.interrupted {
         Exit::Stopped
@@ -132,6 +120,7 @@ fn show(job: &Job, plan: &Plan) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::Error;
 
     fn summary(frames: usize, written: usize, skipped: usize) -> Summary {
         Summary { frames, written, skipped, ..Summary::default() }

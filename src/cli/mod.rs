@@ -5,7 +5,10 @@ mod eval;
 mod inspect;
 mod job_args;
 mod progress;
+mod signals;
 mod size;
+mod status;
+mod watch;
 
 use std::ffi::OsString;
 use std::io::Write;
@@ -33,6 +36,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     Denoise(Box<denoise::DenoiseArgs>),
+    Watch(Box<watch::WatchArgs>),
     Inspect(inspect::InspectArgs),
     Eval(eval::EvalArgs),
 }
@@ -70,6 +74,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>, catch_signals: CatchSignals
     };
     let exit = match cli.command {
         Command::Denoise(args) => denoise::denoise(&args, catch_signals),
+        Command::Watch(args) => watch::watch_folder(&args, catch_signals),
         Command::Inspect(args) => inspect::inspect_files(&args),
         Command::Eval(args) => eval::eval(&args),
     };

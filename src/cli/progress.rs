@@ -93,12 +93,12 @@ impl Progress {
     }
 }
 
-fn error_text(frame: Option<i64>, message: &str) -> String {
+pub(super) fn error_text(frame: Option<i64>, message: &str) -> String {
     frame.map_or_else(|| format!("error: {message}"), |f| format!("error: frame {f}: {message}"))
 }
 
 /// An event as one line.
-fn line(event: &Event<'_>) -> Option<String> {
+pub(super) fn line(event: &Event<'_>) -> Option<String> {
     match event {
         Event::Start { sequence, output, frames, todo, window, lambda } => Some(format!(
             "{sequence} → {}: {todo} of {frames} frames to denoise, window {window}, lambda {lambda}",

@@ -2,6 +2,7 @@
 
 pub mod packed;
 pub mod pixels;
+pub mod ranges;
 
 use ndarray::{Array2, Array3, ArrayView2, ArrayView3};
 

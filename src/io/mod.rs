@@ -23,6 +23,7 @@ mod write;
 pub use atomic::{is_part_file, write_atomically};
 pub use inspect::{Inspection, inspect, inspect_with};
 pub use layout::{Channel, Layout, Part, Pass, SampleType, ViewLayer, read_layout};
+pub(crate) use numbering::{NumberPattern, split_number};
 pub use read::read_frame;
 pub use select::{AovRef, Guides, Missing, PassRef, Resolved, Selection, resolve, resolve_views};
 pub use validate::is_complete;

@@ -265,8 +265,8 @@ impl PixelChecks {
         seen
     }
 
-    /// After the last frame: a Vector pass that was zero throughout although the colour changed.
-    pub fn finish(self) -> Option<Warning> {
+    /// After a run's last frame: a Vector pass that was zero throughout although the colour changed.
+    pub fn finish(&self) -> Option<Warning> {
         let message = "the Vector pass is zero in every frame: either nothing moves, or motion blur was on, which empties the pass; \
                        then render Vector in a second view layer without motion blur and pass --vector-layer NAME";
         (self.with_vector > 1 && !self.moving && self.differs).then(|| Warning::new(WarningKind::ZeroVector, message))

@@ -35,6 +35,19 @@ impl FrameSet {
         gaps
     }
 
+    /// The first and the last number.
+    pub fn ends(&self) -> Option<(i64, i64)> {
+        Some((self.ranges.first()?.0, self.ranges.last()?.1))
+    }
+
+    /// The set of these numbers.
+    pub fn of(numbers: &[i64]) -> Self {
+        let mut ranges: Vec<(i64, i64)> = numbers.iter().map(|n| (*n, *n)).collect();
+        ranges.sort_unstable();
+        ranges.dedup();
+        Self { ranges }
+    }
+
     /// The set of every number from the first to the last of `numbers` (ascending); empty for none.
     pub fn hull(numbers: &[i64]) -> Self {
         Self { ranges: numbers.first().zip(numbers.last()).map(|(a, b)| (*a, *b)).into_iter().collect() }

@@ -10,7 +10,7 @@ use crate::io::{Guides, Selection};
 use crate::network::weights::EMBEDDED;
 use crate::plan::frames::FrameSet;
 use crate::plan::lambda::Lambda;
-use crate::plan::window::check_window;
+use crate::plan::window::{DEFAULT_WINDOW, check_window};
 
 /// A shot to denoise.
 #[derive(Clone, Debug)]
@@ -19,6 +19,8 @@ pub struct Job {
     pub sequence: Sequence,
     /// The output folder; created if it is not there. Never the input folder.
     pub output: PathBuf,
+    /// The shot that the sequence is only a part of; None where the sequence is all of it.
+    pub whole: Option<WholeShot>,
     /// The frames to write; None for all. Neighbours outside are still used.
     pub frames: Option<FrameSet>,
     /// The dial, the same or another for each frame.
@@ -37,12 +39,24 @@ pub struct Job {
     pub model: ModelId,
 }
 
+/// What is known of a shot beyond the files that a job is given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WholeShot {
+    /// The first frame's number.
+    pub first: i64,
+    /// The last frame's number.
+    pub last: i64,
+    /// Whether some frame has motion vectors.
+    pub vector: bool,
+}
+
 impl Job {
     /// A job with the default settings and the embedded weights.
     pub fn new(sequence: Sequence, output: impl Into<PathBuf>) -> Self {
         Self {
             sequence,
             output: output.into(),
+            whole: None,
             frames: None,
             lambda: Lambda::default(),
             window: None,
@@ -54,8 +68,24 @@ impl Job {
         }
     }
 
+    /// Frames on each side that may help, before it is known whether there are motion vectors.
+    ///
+    /// # Errors
+    /// A window that is too wide, or that needs the vectors that are switched off.
+    pub(crate) fn reach(&self) -> Result<usize> {
+        let reach = self.window.map(check_window).transpose()?.unwrap_or(DEFAULT_WINDOW);
+        if self.selection.guides.vector {
+            return Ok(reach);
+        }
+        if self.window.is_some_and(|w| w > 0) {
+            let reason = "needs motion vectors, which are switched off: pass --window 0 or leave the Vector pass on";
+            return Err(Error::BadSetting { name: "window", reason: reason.into() });
+        }
+        Ok(0)
+    }
+
     /// The settings that decide what a frame looks like, once the window is known; λ is that of `frame`.
-    pub(super) fn settings(&self, window: usize, frame: i64) -> Result<FrameSettings> {
+    pub(crate) fn settings(&self, window: usize, frame: i64) -> Result<FrameSettings> {
         if let Some(asked) = self.window {
             check_window(asked)?;
         }
@@ -142,7 +172,7 @@ impl From<&Guides> for GuideSettings {
 
 impl FrameSettings {
     /// A short key that differs where the settings differ.
-    pub(super) fn key(&self) -> String {
+    pub(crate) fn key(&self) -> String {
         fnv(serde_json::to_string(self).unwrap_or_default().as_bytes())
     }
 

@@ -1,8 +1,6 @@
 //! `hush-manifest.json`: what was done to each frame, with what and why; also how a later run knows what to skip.
 
-use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::Write;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
@@ -11,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::events::Status;
 use super::job::FrameSettings;
 use crate::error::{Error, Result};
-use crate::io::write_atomically;
+use crate::plan::skip::LeftOut;
 use crate::plan::window::Unused;
 
 /// The manifest's file name in the output folder.
@@ -53,6 +51,9 @@ pub struct Entry {
     /// What was odd about this frame.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
+    /// What was not computed, for each view.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub left_out: Vec<LeftOut>,
     /// Time spent computing it.
     pub seconds: f64,
 }
@@ -124,21 +125,14 @@ impl Manifest {
         key
     }
 
-    /// Writes the manifest of an output folder, keeping the frames that other runs put there in the meantime.
-    pub fn save(&self, folder: &Path) -> Result<()> {
-        // Several processes may share the folder, each with its own frames; where locks do not work the last one wins.
-        let lock = File::open(folder).ok().filter(|f| f.lock().is_ok());
-        let mut all = Self::load(folder).unwrap_or_default();
-        all.settings.extend(self.settings.clone());
-        all.frames.extend(self.frames.clone());
-        let used: Vec<&String> = all.frames.values().map(|e| &e.settings).collect();
-        let settings = all.settings.iter().filter(|(key, _)| used.contains(key)).map(|(k, s)| (k.clone(), s.clone())).collect();
-        all.settings = settings;
-        let path = folder.join(MANIFEST);
-        let mut text = serde_json::to_vec_pretty(&all).map_err(|e| Error::bad_file(&path, e.to_string()))?;
-        text.push(b'\n');
-        let written = write_atomically(&path, |w| w.write_all(&text).map_err(|e| Error::io(&path, e)));
-        drop(lock);
-        written
+    /// The entry of an output file.
+    pub fn entry(&self, output: &Path) -> Option<&Entry> {
+        self.frames.get(output.file_name()?.to_string_lossy().as_ref())
+    }
+
+    /// Forgets the settings that no frame was made with.
+    pub(super) fn forget_unused_settings(&mut self) {
+        let used: BTreeSet<&String> = self.frames.values().map(|e| &e.settings).collect();
+        self.settings.retain(|key, _| used.contains(key));
     }
 }

@@ -13,16 +13,22 @@
 mod cancel;
 mod events;
 mod job;
+mod kept;
+mod ledger;
 mod manifest;
 mod output;
 mod prepare;
 mod run;
 mod source;
+mod threads;
 
 pub use cancel::CancelToken;
 pub use events::{Event, Status, Summary};
-pub use job::{FrameSettings, GuideSettings, Job, ModelId};
+pub use job::{FrameSettings, GuideSettings, Job, ModelId, WholeShot};
+pub use ledger::Ledger;
 pub use manifest::{Entry, MANIFEST, MANIFEST_VERSION, Manifest, NeighbourEntry, Stamp};
+pub(crate) use output::real_folder;
 pub use output::remove_unfinished;
 pub use prepare::{Action, Plan, PlannedFrame};
-pub use run::run;
+pub use run::{Runner, run};
+pub(crate) use source::has_vector;

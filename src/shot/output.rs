@@ -22,9 +22,9 @@ pub(super) fn check_output(job: &Job) -> Result<()> {
     if job.output.exists() && !job.output.is_dir() {
         return bad("is a file: name a folder".into());
     }
-    let folder = resolve_folder(&job.output);
+    let folder = real_folder(&job.output);
     for frame in &job.sequence.frames {
-        let own_folder = frame.path.parent().map(resolve_folder);
+        let own_folder = frame.path.parent().map(real_folder);
         // Through a link an input may lie elsewhere than its name says.
         let real = fs::canonicalize(&frame.path).unwrap_or_else(|_| frame.path.clone());
         let target = folder.join(frame.path.file_name().unwrap_or_default());
@@ -37,7 +37,7 @@ pub(super) fn check_output(job: &Job) -> Result<()> {
 }
 
 /// The real path of a folder that may not exist yet.
-fn resolve_folder(folder: &Path) -> PathBuf {
+pub(crate) fn real_folder(folder: &Path) -> PathBuf {
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let absolute = std::path::absolute(folder).unwrap_or_else(|_| folder.into());
     for ancestor in absolute.ancestors() {

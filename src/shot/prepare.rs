@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use super::events::Status;
 use super::job::{FrameSettings, Job};
+use super::ledger::Ledger;
 use super::manifest::{Entry, MANIFEST, Manifest, NeighbourEntry, Stamp};
 use super::output::{check_output, output_path};
 use super::source::Source;
@@ -15,7 +16,7 @@ use crate::io::is_complete;
 use crate::io::sequence::spans;
 use crate::plan::checks::{self, Header, Warning, WarningKind};
 use crate::plan::frames::{FrameSet, show_ranges};
-use crate::plan::window::{DEFAULT_WINDOW, Known, Neighbour, Unused, check_window, neighbours};
+use crate::plan::window::{Known, Neighbour, Unused, neighbours};
 
 /// What is to be done with a frame.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -61,13 +62,15 @@ pub struct Plan {
     pub missing: Vec<(i64, i64)>,
     #[serde(skip)]
     pub(super) sources: Sources,
+    /// What the manifest says about the frames, by number.
     #[serde(skip)]
-    pub(super) manifest: Manifest,
+    pub(super) before: BTreeMap<i64, Entry>,
 }
 
 /// The files of the range and around it, by frame number.
 pub(super) struct Sources {
-    numbers: Vec<i64>,
+    /// The first and the last frame of the shot.
+    ends: Option<(i64, i64)>,
     pub good: BTreeMap<i64, Source>,
     pub bad: BTreeMap<i64, String>,
     /// The files as they are when the run starts.
@@ -77,7 +80,7 @@ pub(super) struct Sources {
 impl Sources {
     /// What is known of a frame from its header.
     pub fn known(&self, number: i64) -> Known {
-        if self.numbers.first().is_none_or(|n| number < *n) || self.numbers.last().is_none_or(|n| number > *n) {
+        if self.ends.is_none_or(|(first, last)| number < first || number > last) {
             return Known::Outside;
         }
         match self.good.get(&number) {
@@ -95,15 +98,13 @@ impl Plan {
     /// A setting out of range, an output folder that holds the inputs or foreign files of the same names, no usable frame, a
     /// window asked for without a Vector pass; with `strict` any missing or bad frame and a changing resolution.
     pub fn new(job: &Job) -> Result<Self> {
+        Self::with(job, &mut Ledger::new(&job.output))
+    }
+
+    /// As [`Plan::new`], with a manifest that may have been read before.
+    pub(super) fn with(job: &Job, ledger: &mut Ledger) -> Result<Self> {
         check_output(job)?;
-        let mut reach = job.window.map(check_window).transpose()?.unwrap_or(DEFAULT_WINDOW);
-        if !job.selection.guides.vector {
-            if job.window.is_some_and(|w| w > 0) {
-                let reason = "needs motion vectors, which are switched off: pass --window 0 or leave the Vector pass on";
-                return Err(Error::BadSetting { name: "window", reason: reason.into() });
-            }
-            reach = 0;
-        }
+        let reach = job.reach()?;
         let numbers = job.sequence.numbers();
         let wanted = |n: i64| job.frames.as_ref().is_none_or(|set| set.contains(n));
         let targets: Vec<i64> = numbers.iter().copied().filter(|n| wanted(*n)).collect();
@@ -122,14 +123,17 @@ impl Plan {
         let settings = job.settings(window, targets.first().copied().unwrap_or_default())?;
         let gaps = job.frames.clone().unwrap_or_else(|| FrameSet::hull(&numbers)).missing(&numbers);
         let mut warnings = header_warnings(job, &headers, &gaps)?;
-        let manifest = Manifest::load(&job.output).unwrap_or_else(|e| {
+        let empty = Manifest::default();
+        let manifest = ledger.read().unwrap_or_else(|e| {
             warnings.push(Warning::new(WarningKind::Manifest, format!("{e}: what it says about the frames there is not known")));
-            Manifest::default()
+            &empty
         });
-        let frames = plan_frames(job, &targets, &settings, &sources, &manifest)?;
+        let frames = plan_frames(job, &targets, &settings, &sources, manifest)?;
+        let entry = |f: &PlannedFrame| manifest.entry(&f.output).map(|e| (f.frame, e.clone()));
+        let before = frames.iter().filter_map(entry).collect();
         warnings.extend(redone_warnings(&frames));
         let missing = if job.frames.is_some() { gaps } else { Vec::new() };
-        Ok(Self { settings, frames, warnings, missing, sources, manifest })
+        Ok(Self { settings, frames, warnings, missing, sources, before })
     }
 
     /// The settings of one frame.
@@ -149,6 +153,7 @@ impl Plan {
             hush: env!("CARGO_PKG_VERSION").into(),
             neighbours: self.neighbour_entries(&frame.neighbours),
             warnings: Vec::new(),
+            left_out: Vec::new(),
             seconds: 0.0,
         }
     }
@@ -170,7 +175,8 @@ fn used_numbers<S: serde::Serializer>(window: &[Neighbour], to: S) -> Result<S::
 
 /// Opens the files that `near` picks; also the first error.
 fn open_sources(job: &Job, numbers: &[i64], near: impl Fn(i64) -> bool) -> (Sources, Option<Error>) {
-    let mut sources = Sources { numbers: numbers.to_vec(), good: BTreeMap::new(), bad: BTreeMap::new(), stamps: BTreeMap::new() };
+    let ends = job.whole.map(|w| (w.first, w.last)).or(numbers.first().copied().zip(numbers.last().copied()));
+    let mut sources = Sources { ends, good: BTreeMap::new(), bad: BTreeMap::new(), stamps: BTreeMap::new() };
     let mut first_error = None;
     for frame in job.sequence.frames.iter().filter(|f| near(f.number)) {
         sources.stamps.insert(frame.number, Stamp::of(&frame.path));
@@ -194,7 +200,10 @@ fn resolve_window(job: &Job, sources: &Sources, headers: &[Header], reach: usize
             Err(Error::MissingPass { path, pass: checks::VECTOR.into(), advice: checks::vector_advice(h) })
         }
         (Some(window), _) => Ok(window),
-        (None, _) => Ok(if headers.iter().any(|h| h.vector) { reach } else { 0 }),
+        (None, _) => {
+            let vector = job.whole.is_some_and(|w| w.vector) || headers.iter().any(|h| h.vector);
+            Ok(if vector { reach } else { 0 })
+        }
     }
 }
 
@@ -234,7 +243,7 @@ fn plan_frames(
         let output = output_path(job, source);
         let settings = &FrameSettings { lambda: job.lambda.at(number), ..settings.clone() };
         let window = neighbours(number, settings.window, |n| sources.known(n));
-        let entry = output.file_name().and_then(|n| manifest.frames.get(n.to_string_lossy().as_ref()));
+        let entry = manifest.entry(&output);
         let action = match sources.bad.get(&number) {
             Some(reason) => Action::Fail(reason.clone()),
             None if job.overwrite || !output.exists() => Action::Denoise(None),

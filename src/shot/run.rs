@@ -1,22 +1,23 @@
 //! The run over a shot: a decoder thread ahead, the engine here, a writer thread behind, a window of encoded frames between.
 
 use std::collections::BTreeMap;
-use std::path::Path;
-use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, SyncSender, channel, sync_channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use super::cancel::CancelToken;
 use super::events::{Event, Status, Summary};
 use super::job::Job;
+use super::kept::{Kept, Slot};
+use super::ledger::Ledger;
 use super::manifest::{Entry, Manifest};
 use super::output::prepare_folder;
 use super::prepare::{Action, Plan, PlannedFrame, is_degraded, missing_text};
+use super::threads::{Decoded, Work, Written, decode, ends_the_run, write};
 use crate::engine::{Denoised, EncodedFrame, Engine};
 use crate::error::{Error, Result};
-use crate::frame::Frame;
-use crate::io::{Resolved, WriteOptions, write_views};
-use crate::plan::checks::{Glance, PixelChecks};
+use crate::plan::skip::LeftOut;
 use crate::plan::window::{Known, Neighbour, neighbours};
 
 /// Frames of more bytes than this are decoded one ahead instead of two.
@@ -30,20 +31,51 @@ const SAVE_EVERY: Duration = Duration::from_secs(1);
 /// # Errors
 /// As [`Plan::new`], and where the output folder cannot be made. What goes wrong later stands in the [`Summary`].
 pub fn run(job: &Job, engine: &Engine, report: &dyn Fn(Event<'_>), cancel: &CancelToken) -> Result<Summary> {
-    let began = Instant::now();
-    let plan = Plan::new(job)?;
-    prepare_folder(&job.output)?;
-    let mut run = Run::new(job, &plan, report);
-    run.start();
-    run.save()?;
-    run.denoise_all(engine, cancel);
-    if let Err(error) = run.save() {
-        run.stop(error);
+    Runner::new(engine).run(job, report, cancel)
+}
+
+/// Runs one job after another. What two runs over parts of the same shot have in common is read and encoded once: one window
+/// of frames is kept from run to run, and the manifests.
+pub struct Runner<'e> {
+    engine: &'e Engine,
+    kept: Kept,
+    ledgers: BTreeMap<PathBuf, Ledger>,
+}
+
+impl<'e> Runner<'e> {
+    /// A runner that has nothing yet.
+    pub fn new(engine: &'e Engine) -> Self {
+        Self { engine, kept: Kept::default(), ledgers: BTreeMap::new() }
     }
-    let mut summary = run.summary;
-    summary.seconds = began.elapsed().as_secs_f64();
-    report(Event::Done(&summary));
-    Ok(summary)
+
+    /// The manifest of an output folder.
+    pub fn ledger(&mut self, output: &Path) -> &mut Ledger {
+        self.ledgers.entry(output.to_path_buf()).or_insert_with(|| Ledger::new(output))
+    }
+
+    /// As [`run`].
+    ///
+    /// # Errors
+    /// As [`run`].
+    pub fn run(&mut self, job: &Job, report: &dyn Fn(Event<'_>), cancel: &CancelToken) -> Result<Summary> {
+        let began = Instant::now();
+        let Self { engine, kept, ledgers } = self;
+        let ledger = ledgers.entry(job.output.clone()).or_insert_with(|| Ledger::new(&job.output));
+        let plan = Plan::with(job, ledger)?;
+        prepare_folder(&job.output)?;
+        kept.prepare(&sequence_key(job), &plan);
+        let mut run = Run::new(job, &plan, report, kept, ledger);
+        run.start();
+        run.save()?;
+        run.denoise_all(engine, cancel);
+        if let Err(error) = run.save() {
+            run.stop(error);
+        }
+        let mut summary = run.summary;
+        summary.seconds = began.elapsed().as_secs_f64();
+        report(Event::Done(&summary));
+        Ok(summary)
+    }
 }
 
 /// The state of a run.
@@ -51,6 +83,9 @@ struct Run<'a> {
     job: &'a Job,
     plan: &'a Plan,
     report: &'a dyn Fn(Event<'_>),
+    kept: &'a mut Kept,
+    ledger: &'a mut Ledger,
+    /// The frames of this run.
     manifest: Manifest,
     summary: Summary,
     /// Frames that turned out to be bad when they were decoded.
@@ -61,39 +96,12 @@ struct Run<'a> {
     saved: Instant,
 }
 
-/// A frame on its way through the decoder.
-struct Decoded {
-    number: i64,
-    frame: Result<(Vec<Frame>, Glance)>,
-}
-
-/// A frame on its way to the writer.
-struct Work {
-    index: usize,
-    /// One a view.
-    denoised: Vec<Denoised>,
-    seconds: f64,
-}
-
-/// A frame back from the writer.
-struct Written {
-    index: usize,
-    result: Result<()>,
-    seconds: f64,
-}
-
-/// A frame of the sliding window.
-struct Slot {
-    /// One a view.
-    encoded: Vec<EncodedFrame>,
-    seconds: f64,
-}
-
 impl<'a> Run<'a> {
-    fn new(job: &'a Job, plan: &'a Plan, report: &'a dyn Fn(Event<'_>)) -> Self {
+    fn new(job: &'a Job, plan: &'a Plan, report: &'a dyn Fn(Event<'_>), kept: &'a mut Kept, ledger: &'a mut Ledger) -> Self {
         let summary = Summary { frames: plan.frames.len(), missing: missing_text(plan), ..Summary::default() };
         let (bad, notes) = (BTreeMap::new(), BTreeMap::new());
-        Self { job, plan, report, manifest: Manifest::default(), summary, bad, notes, finished: 0, saved: Instant::now() }
+        let manifest = Manifest::default();
+        Self { job, plan, report, kept, ledger, manifest, summary, bad, notes, finished: 0, saved: Instant::now() }
     }
 
     /// Says what the plan says, and settles the frames that need no work.
@@ -115,7 +123,7 @@ impl<'a> Run<'a> {
         for (index, frame) in plan.frames.iter().enumerate() {
             let key = self.manifest.settings_key(&plan.settings_of(frame));
             let mut entry = plan.entry(frame, &key);
-            let before = plan.manifest.frames.get(&file_name(&frame.output));
+            let before = plan.before.get(&frame.frame);
             if let (Action::Skip, Some(before)) = (&frame.action, before) {
                 entry = Entry { status: Status::Skipped, reason: Some("already done".into()), ..before.clone() };
             }
@@ -130,7 +138,8 @@ impl<'a> Run<'a> {
 
     fn denoise_all(&mut self, engine: &Engine, cancel: &CancelToken) {
         let plan = self.plan;
-        let order = decode_order(&plan.frames);
+        let order = decode_order(&plan.frames, &self.kept.ring);
+        let left = order.clone();
         let ahead = usize::from(plan.sources.good.values().map(|s| s.bytes()).max().unwrap_or(0) <= BIG_FRAME);
         let keep_noisy = self.job.keep_noisy;
         thread::scope(|scope| {
@@ -139,7 +148,7 @@ impl<'a> Run<'a> {
             let (written_in, written) = channel();
             scope.spawn(move || decode(&order, plan, engine, decoded_in));
             scope.spawn(move || write(plan, keep_noisy, engine, &work_out, &written_in));
-            self.compute(engine, cancel, &decoded, &work, &written);
+            self.compute(engine, cancel, left, &decoded, &work, &written);
             // Both threads end when their channels do; what the writer holds is written whole.
             drop((decoded, work));
             written.iter().for_each(|w| self.settle(w));
@@ -152,28 +161,27 @@ impl<'a> Run<'a> {
         &mut self,
         engine: &Engine,
         cancel: &CancelToken,
+        left: Vec<i64>,
         decoded: &Receiver<Decoded>,
         work: &SyncSender<Work>,
         written: &Receiver<Written>,
     ) {
         let plan = self.plan;
         let radius = plan.settings.window as i64;
-        let mut pixels = PixelChecks::default();
-        let mut ring: BTreeMap<i64, Slot> = BTreeMap::new();
-        let mut left = decode_order(&plan.frames).into_iter().peekable();
+        let mut left = left.into_iter().peekable();
         for (index, target) in plan.frames.iter().enumerate().filter(|(_, f)| matches!(f.action, Action::Denoise(_))) {
-            ring.retain(|n, _| *n >= target.frame - radius);
+            self.kept.ring.retain(|n, _| *n >= target.frame - radius);
             while left.next_if(|n| *n <= target.frame + radius).is_some() {
                 if self.must_end(cancel, written) {
                     return;
                 }
                 let Ok(next) = decoded.recv() else { return };
-                self.take_in(next, engine, &mut ring, &mut pixels);
+                self.take_in(next, engine);
             }
             if self.must_end(cancel, written) {
                 return;
             }
-            let Some(centre) = ring.get(&target.frame) else {
+            let Some(centre) = self.kept.ring.get(&target.frame) else {
                 let reason = self.bad.get(&target.frame).cloned().unwrap_or_else(|| "could not be read".into());
                 self.finish(index, Status::Failed, Some(reason), 0.0);
                 continue;
@@ -185,17 +193,22 @@ impl<'a> Run<'a> {
                 false => plan.sources.known(n),
             });
             let used = window.iter().filter(|n| n.unused.is_none());
-            let around: Vec<(i32, &Slot)> = used.filter_map(|n| ring.get(&n.number).map(|slot| (n.offset, slot))).collect();
+            let around: Vec<(i32, &Slot)> =
+                used.filter_map(|n| self.kept.ring.get(&n.number).map(|slot| (n.offset, slot))).collect();
             let result = denoise_views(engine, centre, &around, target.lambda);
             let seconds = centre.seconds + began.elapsed().as_secs_f64();
             self.note_window(target, &window);
             match result {
                 // A writer that is gone has said why in `written`.
-                Ok(denoised) => _ = work.send(Work { index, denoised, seconds }),
+                Ok(views) => {
+                    let (denoised, left_out) = views.into_iter().unzip();
+                    self.note_left_out(target, left_out);
+                    _ = work.send(Work { index, denoised, seconds });
+                }
                 Err(error) => self.fail(index, error, seconds),
             }
         }
-        if let Some(warning) = pixels.finish() {
+        if let Some(warning) = self.kept.pixels.finish() {
             (self.report)(Event::Warning(&warning));
         }
     }
@@ -207,11 +220,11 @@ impl<'a> Run<'a> {
     }
 
     /// Checks and encodes a frame that was decoded.
-    fn take_in(&mut self, decoded: Decoded, engine: &Engine, ring: &mut BTreeMap<i64, Slot>, pixels: &mut PixelChecks) {
+    fn take_in(&mut self, decoded: Decoded, engine: &Engine) {
         let Decoded { number, frame } = decoded;
         let began = Instant::now();
         let encoded = frame.and_then(|(views, glance)| {
-            let seen = pixels.look(number, glance);
+            let seen = self.kept.pixels.look(number, glance);
             self.notes.entry(number).or_default().extend(seen.note);
             if let Some(warning) = seen.warning {
                 (self.report)(Event::Warning(&warning));
@@ -219,7 +232,10 @@ impl<'a> Run<'a> {
             views.into_iter().map(|frame| engine.encode(frame)).collect()
         });
         match encoded {
-            Ok(encoded) => _ = ring.insert(number, Slot { encoded, seconds: began.elapsed().as_secs_f64() }),
+            Ok(encoded) => {
+                let slot = Slot::new(self.plan, number, encoded, began.elapsed().as_secs_f64());
+                self.kept.ring.insert(number, slot);
+            }
             Err(error) => {
                 self.bad.insert(number, error.to_string());
                 (self.report)(Event::Error { frame: Some(number), message: error.to_string() });
@@ -238,6 +254,13 @@ impl<'a> Run<'a> {
         if let Some(entry) = self.manifest.frames.get_mut(&file_name(&target.output)) {
             entry.neighbours = neighbours;
             entry.warnings.extend(notes);
+        }
+    }
+
+    /// Puts what was left out of a frame into the manifest.
+    fn note_left_out(&mut self, target: &PlannedFrame, left_out: Vec<LeftOut>) {
+        if let Some(entry) = self.manifest.frames.get_mut(&file_name(&target.output)) {
+            entry.left_out = left_out;
         }
     }
 
@@ -306,99 +329,39 @@ impl<'a> Run<'a> {
 
     fn save(&mut self) -> Result<()> {
         self.saved = Instant::now();
-        self.manifest.save(&self.job.output)
+        self.ledger.merge(&self.manifest)
     }
 }
 
 /// Denoises each view with the same views of the frames around it.
-fn denoise_views(engine: &Engine, centre: &Slot, around: &[(i32, &Slot)], lambda: f32) -> Result<Vec<Denoised>> {
+fn denoise_views(engine: &Engine, centre: &Slot, around: &[(i32, &Slot)], lambda: f32) -> Result<Vec<(Denoised, LeftOut)>> {
     let view = |(index, centre): (usize, &EncodedFrame)| {
         let neighbours: Vec<(i32, &EncodedFrame)> =
             around.iter().filter_map(|(offset, slot)| Some((*offset, slot.encoded.get(index)?))).collect();
-        engine.denoise(centre, &neighbours, lambda)
+        engine.denoise_and_tell(centre, &neighbours, lambda)
     };
     centre.encoded.iter().enumerate().map(view).collect()
 }
 
-/// The frames to decode: those to do and the neighbours that they use, ascending.
-fn decode_order(frames: &[PlannedFrame]) -> Vec<i64> {
+/// The frames to decode: those to do and the neighbours that they use, ascending, without those that are there.
+fn decode_order(frames: &[PlannedFrame], there: &BTreeMap<i64, Slot>) -> Vec<i64> {
     let mut order: Vec<i64> = frames
         .iter()
         .filter(|f| matches!(f.action, Action::Denoise(_)))
         .flat_map(|f| f.neighbours.iter().filter(|n| n.unused.is_none()).map(|n| n.number).chain([f.frame]))
+        .filter(|n| !there.contains_key(n))
         .collect();
     order.sort_unstable();
     order.dedup();
     order
 }
 
-/// The decoder thread; ends when nobody takes its frames any more.
-fn decode(order: &[i64], plan: &Plan, engine: &Engine, to: SyncSender<Decoded>) {
-    for &number in order {
-        let Some(source) = plan.sources.good.get(&number) else { return };
-        let frame = engine.in_pool(|| source.read()).and_then(|views| {
-            let first = views.first().ok_or_else(|| Error::bad_file(&source.path, "holds no image"))?;
-            let glance = Glance::of(first);
-            Ok((views, glance))
-        });
-        if to.send(Decoded { number, frame }).is_err() {
-            return;
-        }
-    }
-}
-
-/// The writer thread; ends with its input. After a full disk it takes frames no more.
-fn write(plan: &Plan, keep_noisy: bool, engine: &Engine, from: &Receiver<Work>, to: &Sender<Written>) {
-    for Work { index, denoised, seconds } in from {
-        let Some(frame) = plan.frames.get(index) else { return };
-        let Some(source) = plan.sources.good.get(&frame.frame) else { return };
-        let views: Vec<(&Resolved, &Denoised)> = source.views.iter().zip(&denoised).collect();
-        let options = WriteOptions { keep_noisy, attributes: vec![("hush".into(), made_by(plan, frame))] };
-        let result = engine.in_pool(|| write_views(&source.layout, &views, &options, &frame.output));
-        let over = result.as_ref().err().is_some_and(|e| frame.output.parent().is_some_and(|folder| ends_the_run(e, folder)));
-        if to.send(Written { index, result, seconds }).is_err() || over {
-            return;
-        }
-    }
-}
-
-/// The attribute `hush` of an output.
-fn made_by(plan: &Plan, frame: &PlannedFrame) -> String {
-    let (window, model) = (plan.settings.window, &plan.settings.model.name);
-    format!("hush {}, lambda {}, window {window}, model {model}", env!("CARGO_PKG_VERSION"), frame.lambda)
-}
-
-/// Whether an error is about the output folder itself, so that every further frame would meet it too.
-fn ends_the_run(error: &Error, output: &Path) -> bool {
-    use std::io::ErrorKind::{NotADirectory, NotFound, PermissionDenied, QuotaExceeded, ReadOnlyFilesystem, StorageFull};
-    match error {
-        Error::Io { path, source } => {
-            let kinds = [StorageFull, QuotaExceeded, ReadOnlyFilesystem, PermissionDenied, NotFound, NotADirectory];
-            path.starts_with(output) && kinds.contains(&source.kind())
-        }
-        _ => false,
-    }
+/// Tells one sequence from another: its folder and its name.
+fn sequence_key(job: &Job) -> String {
+    let folder = job.sequence.frames.first().and_then(|f| f.path.parent()).unwrap_or(Path::new(""));
+    folder.join(&job.sequence.name).to_string_lossy().into_owned()
 }
 
 fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
-}
-
-#[cfg(test)]
-mod tests {
-    use std::io::ErrorKind;
-
-    use super::*;
-
-    #[test]
-    fn only_errors_of_the_output_folder_end_the_run() {
-        let out = Path::new("out");
-        let error = |path: &str, kind: ErrorKind| Error::io(path, kind.into());
-        for kind in [ErrorKind::StorageFull, ErrorKind::QuotaExceeded, ErrorKind::PermissionDenied, ErrorKind::NotFound] {
-            assert!(ends_the_run(&error("out/f_0001.exr", kind), out), "{kind}");
-            assert!(!ends_the_run(&error("shot/f_0001.exr", kind), out), "{kind}");
-        }
-        assert!(!ends_the_run(&error("out/f_0001.exr", ErrorKind::Interrupted), out));
-        assert!(!ends_the_run(&Error::bad_file("out/f_0001.exr", "is damaged"), out));
-    }
 }

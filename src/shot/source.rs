@@ -66,3 +66,8 @@ impl Source {
         self.views.iter().map(|v| v.columns * v.rows * channels(v) * size_of::<f32>()).sum()
     }
 }
+
+/// Whether a frame will have motion vectors.
+pub(crate) fn has_vector(path: &Path, selection: &Selection) -> Result<bool> {
+    Source::open(0, path, selection).map(|source| source.header.vector)
+}

@@ -1,0 +1,153 @@
+//! Events of a watch as a status line, as lines, or as JSON.
+
+use std::cell::RefCell;
+use std::time::Duration;
+
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use super::progress::{Mode, error_text, line};
+use super::{print_json, say};
+use crate::shot;
+use crate::watch::{Event, Report, Waiting};
+
+/// Tells about a watch.
+pub(super) struct Status {
+    mode: Mode,
+    bar: ProgressBar,
+    last: RefCell<String>,
+}
+
+impl Status {
+    /// Nothing is shown before the first event.
+    pub fn new(mode: Mode) -> Self {
+        let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::hidden());
+        Self { mode, bar, last: RefCell::default() }
+    }
+
+    /// Tells about an event.
+    pub fn report(&self, event: &Event<'_>) {
+        match self.mode {
+            Mode::Json => print_json(event),
+            Mode::Quiet => {
+                if let Some(line) = error(event) {
+                    say(line);
+                }
+            }
+            Mode::Lines => {
+                // The same state may come and go many times; it is told once.
+                if let Some(line) = text(event).filter(|line| self.last.replace(line.clone()) != *line) {
+                    say(line);
+                }
+            }
+            Mode::Bar => self.update_bar(event),
+        }
+    }
+
+    fn update_bar(&self, event: &Event<'_>) {
+        match event {
+            Event::Watching { .. } => {
+                if let Ok(style) = ProgressStyle::with_template("{spinner} {wide_msg}") {
+                    self.bar.set_style(style);
+                }
+                self.bar.set_draw_target(ProgressDrawTarget::stderr());
+                self.bar.enable_steady_tick(Duration::from_millis(250));
+            }
+            Event::Waiting(waiting) => return self.bar.set_message(waiting_text(waiting)),
+            Event::Landed { .. } => return,
+            Event::Shot { shot, event: shot::Event::Working { frame } } => {
+                return self.bar.set_message(format!("{shot}: denoising frame {frame}"));
+            }
+            Event::Shot { event: shot::Event::Frame { .. }, .. } => return,
+            Event::Done(_) => self.bar.finish_and_clear(),
+            _ => {}
+        }
+        if let Some(line) = text(event) {
+            self.bar.suspend(|| say(line));
+        }
+    }
+}
+
+/// An event as one line.
+fn text(event: &Event<'_>) -> Option<String> {
+    match event {
+        Event::Watching { input, output, polling } => {
+            let how = if *polling { ", scanning" } else { "" };
+            Some(format!("watching {} → {}{how}", input.display(), output.display()))
+        }
+        Event::Incomplete { shot, frame, reason, .. } => Some(format!("{shot}: frame {frame} is not whole yet: it {reason}")),
+        Event::Waiting(waiting) => Some(waiting_text(waiting)),
+        Event::Paused { message, .. } => Some(format!("paused: {message}")),
+        Event::Warning { message, .. } => Some(format!("warning: {message}")),
+        Event::Done(report) => Some(done_text(report)),
+        Event::Shot { shot, event: shot::Event::Start { window, lambda, output, .. } } => {
+            Some(format!("{shot} → {}: window {window}, lambda {lambda}", output.display()))
+        }
+        Event::Shot { shot, event } => line(event).map(|line| if shot.is_empty() { line } else { format!("{shot}: {line}") }),
+        _ => None,
+    }
+}
+
+fn error(event: &Event<'_>) -> Option<String> {
+    match event {
+        Event::Shot { event: shot::Event::Error { frame, message }, .. } => Some(error_text(*frame, message)),
+        Event::Paused { .. } => text(event),
+        _ => None,
+    }
+}
+
+fn waiting_text(w: &Waiting) -> String {
+    if !w.input {
+        return "waiting for the folder".into();
+    }
+    let mut text = format!("{} of {} frames denoised", w.denoised, w.landed);
+    for (count, what) in [
+        (w.waiting, "waiting for frames beside them"),
+        (w.incomplete, "being written"),
+        (w.elsewhere, "at another process"),
+        (w.failed, "failed"),
+    ] {
+        if count > 0 {
+            text.push_str(&format!(", {count} {what}"));
+        }
+    }
+    text
+}
+
+fn done_text(report: &Report) -> String {
+    let mut text = format!("{} denoised", report.written);
+    for (count, what) in
+        [(report.skipped, "already done"), (report.failed.len(), "failed"), (report.degraded.len(), "without a bad neighbour")]
+    {
+        if count > 0 {
+            text.push_str(&format!(", {count} {what}"));
+        }
+    }
+    if !report.missing.is_empty() {
+        text.push_str(&format!(", missing: {}", report.missing));
+    }
+    let end = if report.interrupted { "stopped, run again to continue: " } else { "" };
+    format!("{end}{text}; {}", HumanDuration(Duration::from_secs_f64(report.seconds.max(0.0))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_state_is_told_in_words() {
+        let waiting = Waiting { input: true, landed: 9, denoised: 5, waiting: 2, incomplete: 1, elsewhere: 1, failed: 0 };
+        let text = waiting_text(&waiting);
+        assert_eq!(text, "5 of 9 frames denoised, 2 waiting for frames beside them, 1 being written, 1 at another process");
+        assert_eq!(waiting_text(&Waiting::default()), "waiting for the folder");
+    }
+
+    #[test]
+    fn the_end_counts_everything() {
+        let report =
+            Report { written: 4, skipped: 2, failed: vec![7], missing: "9".into(), interrupted: true, ..Report::default() };
+        let text = done_text(&report);
+        for part in ["4 denoised", "2 already done", "1 failed", "missing: 9", "stopped"] {
+            assert!(text.contains(part), "{part} in {text}");
+        }
+    }
+}

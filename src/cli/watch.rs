@@ -1,0 +1,124 @@
+//! `hush watch`: arguments to a watch, its exit code.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::Args;
+
+use super::job_args::JobArgs;
+use super::progress::Mode;
+use super::signals::stop_handler;
+use super::status::Status;
+use super::{CatchSignals, Exit};
+use crate::error::Result;
+use crate::shot::{CancelToken, Event};
+use crate::watch::{self, Options, Report, watch};
+
+/// Denoises the frames of a folder while they are still being rendered
+///
+/// Each frame is denoised as soon as it is whole and those beside it are there. Every sequence in the folder and in the folders
+/// below it is a shot; the output folder mirrors them. The result is that of hush denoise over the finished shots. With --frames
+/// the last frames need not wait for --settle. Several processes, on several machines too, may watch the same folder into the
+/// same output folder and share the work. Stop it with Ctrl-C; run it again to go on.
+#[derive(Args)]
+#[command(after_help = super::EXIT_CODES)]
+pub(super) struct WatchArgs {
+    /// A folder, or a pattern such as shot/frame_####.exr; it need not be there yet
+    #[arg(value_name = "INPUT")]
+    input: PathBuf,
+    #[command(flatten)]
+    job: JobArgs,
+    /// Seconds without a new frame until missing neighbours are given up [default: 30, more where frames take longer]
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    settle: Option<Duration>,
+    /// Keep frames as they are when a neighbour comes later that they lacked
+    #[arg(long)]
+    no_redo: bool,
+    /// Scan the folder every few seconds, for network drives [default: 2 where given; by itself on NFS and SMB]
+    #[arg(long, value_name = "SECONDS", value_parser = interval, num_args = 0..=1, default_missing_value = "2", require_equals = true)]
+    poll: Option<Duration>,
+    /// Denoise what is there, wait for nothing, and stop
+    #[arg(long)]
+    once: bool,
+    /// Say nothing but errors
+    #[arg(short, long, conflicts_with = "json")]
+    quiet: bool,
+    /// One JSON event a line on standard output: watching, landed, waiting and those of hush denoise
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the subcommand.
+pub(super) fn watch_folder(args: &WatchArgs, catch_signals: CatchSignals) -> Result<Exit> {
+    let mode = Mode::choose(args.quiet, args.json);
+    let status = Status::new(mode);
+    let done = watch_with(args, &status, catch_signals);
+    if let (Err(error), Mode::Json) = (&done, mode) {
+        // A machine that reads events finds this one there too.
+        let event = Event::Error { frame: None, message: error.to_string() };
+        status.report(&watch::Event::Shot { shot: "", event });
+    }
+    done
+}
+
+fn watch_with(args: &WatchArgs, status: &Status, catch_signals: CatchSignals) -> Result<Exit> {
+    let options = Options {
+        input: args.input.clone(),
+        output: args.job.output.clone(),
+        settle: args.settle,
+        redo: !args.no_redo,
+        poll: args.poll,
+        once: args.once,
+    };
+    let engine = args.job.engine()?;
+    let cancel = CancelToken::new();
+    catch_signals(stop_handler(&cancel, &args.job.output))?;
+    let report = watch(&options, &|sequence| args.job.job(sequence), &engine, &|event| status.report(&event), &cancel)?;
+    Ok(exit_of(&report))
+}
+
+fn exit_of(report: &Report) -> Exit {
+    if report.interrupted {
+        Exit::Stopped
+    } else if report.is_complete() {
+        Exit::Good
+    } else if report.written + report.skipped == 0 {
+        Exit::Nothing
+    } else {
+        Exit::Partly
+    }
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    let number = text.trim().parse::<f64>().ok().filter(|s| (0.0..=1e7).contains(s));
+    number.map(Duration::from_secs_f64).ok_or_else(|| format!("'{text}' is no time: write seconds, such as 30"))
+}
+
+fn interval(text: &str) -> Result<Duration, String> {
+    seconds(text).and_then(|s| if s >= Duration::from_millis(100) { Ok(s) } else { Err("at least 0.1 seconds".into()) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_read() {
+        assert_eq!(seconds("2.5"), Ok(Duration::from_millis(2500)));
+        assert_eq!(seconds("0"), Ok(Duration::ZERO));
+        for bad in ["", "-1", "nan", "inf", "5s", "1e9"] {
+            assert!(seconds(bad).is_err(), "{bad}");
+        }
+        assert!(interval("0").is_err() && interval("0.5").is_ok());
+    }
+
+    #[test]
+    fn exit_codes_tell_what_happened() {
+        let report = || Report { frames: 3, written: 2, skipped: 1, ..Report::default() };
+        assert_eq!(exit_of(&report()), Exit::Good);
+        assert_eq!(exit_of(&Report { failed: vec![2], ..report() }), Exit::Partly);
+        assert_eq!(exit_of(&Report { missing: "9".into(), ..report() }), Exit::Partly);
+        assert_eq!(exit_of(&Report { failed: vec![1], written: 0, skipped: 0, ..report() }), Exit::Nothing);
+        assert_eq!(exit_of(&Report { interrupted: true, ..report() }), Exit::Stopped);
+    }
+}

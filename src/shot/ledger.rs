@@ -1,0 +1,144 @@
+//! A folder's manifest as it was last read or written; the file is read again only where another process changed it.
+
+use std::fs::{File, Metadata};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use super::manifest::{MANIFEST, Manifest};
+use crate::error::{Error, Result};
+use crate::io::write_atomically;
+
+/// The manifest of one output folder.
+#[derive(Debug, Default)]
+pub struct Ledger {
+    folder: PathBuf,
+    manifest: Manifest,
+    /// The file that `manifest` is the content of; none where there was no file or it is not known.
+    mark: Option<Mark>,
+}
+
+/// Tells one state of the file from the next: each is a file of its own, renamed into place.
+#[derive(Debug, PartialEq)]
+struct Mark {
+    bytes: u64,
+    modified: Option<SystemTime>,
+    inode: u64,
+}
+
+impl Ledger {
+    /// For an output folder; nothing is read yet.
+    pub fn new(folder: impl Into<PathBuf>) -> Self {
+        Self { folder: folder.into(), ..Self::default() }
+    }
+
+    /// What the manifest says now; an empty one where there is none.
+    ///
+    /// # Errors
+    /// The file cannot be read, is damaged or of a later version.
+    pub fn read(&mut self) -> Result<&Manifest> {
+        let mark = Mark::of(&self.path());
+        if mark.is_none() || mark != self.mark {
+            self.mark = None;
+            self.manifest = Manifest::default();
+            self.manifest = Manifest::load(&self.folder)?;
+            self.mark = mark;
+        }
+        Ok(&self.manifest)
+    }
+
+    /// Adds frames and their settings to the manifest, keeping what other processes put there in the meantime.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn merge(&mut self, ours: &Manifest) -> Result<()> {
+        // Several processes may share the folder, each with its own frames; where locks do not work the last one wins.
+        let lock = File::open(&self.folder).ok().filter(|f| f.lock().is_ok());
+        // A damaged manifest was told when the run began; it is replaced.
+        let _ = self.read();
+        self.manifest.settings.extend(ours.settings.clone());
+        self.manifest.frames.extend(ours.frames.clone());
+        self.manifest.forget_unused_settings();
+        let path = self.path();
+        let mut text = serde_json::to_vec_pretty(&self.manifest).map_err(|e| Error::bad_file(&path, e.to_string()))?;
+        text.push(b'\n');
+        self.mark = None;
+        write_atomically(&path, |w| w.write_all(&text).map_err(|e| Error::io(&path, e)))?;
+        self.mark = Mark::of(&path);
+        drop(lock);
+        Ok(())
+    }
+
+    fn path(&self) -> PathBuf {
+        self.folder.join(MANIFEST)
+    }
+}
+
+impl Mark {
+    fn of(path: &Path) -> Option<Self> {
+        let about = std::fs::metadata(path).ok()?;
+        Some(Self { bytes: about.len(), modified: about.modified().ok(), inode: inode(&about) })
+    }
+}
+
+#[cfg(unix)]
+fn inode(about: &Metadata) -> u64 {
+    std::os::unix::fs::MetadataExt::ino(about)
+}
+
+#[cfg(not(unix))]
+fn inode(_: &Metadata) -> u64 {
+    0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shot::{Entry, FrameSettings, Job, Status};
+
+    fn entry(frame: i64) -> (Manifest, FrameSettings) {
+        let sequence = crate::io::sequence::Sequence { name: "a".into(), frames: Vec::new(), ignored: Vec::new() };
+        let settings = Job::new(sequence, "out").settings(2, frame).unwrap();
+        let mut manifest = Manifest::default();
+        let key = manifest.settings_key(&settings);
+        let entry = Entry {
+            frame,
+            source: "a.exr".into(),
+            stamp: None,
+            status: Status::Denoised,
+            reason: None,
+            settings: key,
+            hush: "0".into(),
+            neighbours: Vec::new(),
+            warnings: Vec::new(),
+            left_out: Vec::new(),
+            seconds: 0.0,
+        };
+        manifest.frames.insert(format!("f_{frame}.exr"), entry);
+        (manifest, settings)
+    }
+
+    #[test]
+    fn what_others_add_is_seen_and_kept() {
+        let dir = tempfile::tempdir().unwrap();
+        let (mut one, mut two) = (Ledger::new(dir.path()), Ledger::new(dir.path()));
+        assert!(one.read().unwrap().frames.is_empty());
+        one.merge(&entry(1).0).unwrap();
+        two.merge(&entry(2).0).unwrap();
+        assert_eq!(one.read().unwrap().frames.len(), 2);
+        one.merge(&entry(3).0).unwrap();
+        assert_eq!(two.read().unwrap().frames.len(), 3);
+        assert_eq!(Manifest::load(dir.path()).unwrap().frames.len(), 3);
+    }
+
+    #[test]
+    fn a_manifest_that_is_gone_or_damaged_is_not_remembered() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut ledger = Ledger::new(dir.path());
+        ledger.merge(&entry(1).0).unwrap();
+        std::fs::write(dir.path().join(MANIFEST), b"{ half").unwrap();
+        assert!(ledger.read().is_err());
+        std::fs::remove_file(dir.path().join(MANIFEST)).unwrap();
+        assert!(ledger.read().unwrap().frames.is_empty());
+    }
+}

@@ -1,0 +1,99 @@
+//! The threads beside the engine: one decodes frames ahead, one writes them behind.
+
+use std::path::Path;
+use std::sync::mpsc::{Receiver, Sender, SyncSender};
+
+use super::prepare::{Plan, PlannedFrame};
+use crate::engine::{Denoised, Engine};
+use crate::error::{Error, Result};
+use crate::frame::Frame;
+use crate::io::{Resolved, WriteOptions, write_views};
+use crate::plan::checks::Glance;
+
+/// A frame on its way through the decoder.
+pub(super) struct Decoded {
+    pub number: i64,
+    pub frame: Result<(Vec<Frame>, Glance)>,
+}
+
+/// A frame on its way to the writer.
+pub(super) struct Work {
+    pub index: usize,
+    /// One a view.
+    pub denoised: Vec<Denoised>,
+    pub seconds: f64,
+}
+
+/// A frame back from the writer.
+pub(super) struct Written {
+    pub index: usize,
+    pub result: Result<()>,
+    pub seconds: f64,
+}
+
+/// The decoder thread; ends when nobody takes its frames any more.
+pub(super) fn decode(order: &[i64], plan: &Plan, engine: &Engine, to: SyncSender<Decoded>) {
+    for &number in order {
+        let Some(source) = plan.sources.good.get(&number) else { return };
+        let frame = engine.in_pool(|| source.read()).and_then(|views| {
+            let first = views.first().ok_or_else(|| Error::bad_file(&source.path, "holds no image"))?;
+            let glance = Glance::of(first);
+            Ok((views, glance))
+        });
+        if to.send(Decoded { number, frame }).is_err() {
+            return;
+        }
+    }
+}
+
+/// The writer thread; ends with its input. After a full disk it takes frames no more.
+pub(super) fn write(plan: &Plan, keep_noisy: bool, engine: &Engine, from: &Receiver<Work>, to: &Sender<Written>) {
+    for Work { index, denoised, seconds } in from {
+        let Some(frame) = plan.frames.get(index) else { return };
+        let Some(source) = plan.sources.good.get(&frame.frame) else { return };
+        let views: Vec<(&Resolved, &Denoised)> = source.views.iter().zip(&denoised).collect();
+        let options = WriteOptions { keep_noisy, attributes: vec![("hush".into(), made_by(plan, frame))] };
+        let result = engine.in_pool(|| write_views(&source.layout, &views, &options, &frame.output));
+        let over = result.as_ref().err().is_some_and(|e| frame.output.parent().is_some_and(|folder| ends_the_run(e, folder)));
+        if to.send(Written { index, result, seconds }).is_err() || over {
+            return;
+        }
+    }
+}
+
+/// The attribute `hush` of an output.
+fn made_by(plan: &Plan, frame: &PlannedFrame) -> String {
+    let (window, model) = (plan.settings.window, &plan.settings.model.name);
+    format!("hush {}, lambda {}, window {window}, model {model}", env!("CARGO_PKG_VERSION"), frame.lambda)
+}
+
+/// Whether an error is about the output folder itself, so that every further frame would meet it too.
+pub(super) fn ends_the_run(error: &Error, output: &Path) -> bool {
+    use std::io::ErrorKind::{NotADirectory, NotFound, PermissionDenied, QuotaExceeded, ReadOnlyFilesystem, StorageFull};
+    match error {
+        Error::Io { path, source } => {
+            let kinds = [StorageFull, QuotaExceeded, ReadOnlyFilesystem, PermissionDenied, NotFound, NotADirectory];
+            path.starts_with(output) && kinds.contains(&source.kind())
+        }
+        _ => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::ErrorKind;
+
+    use super::*;
+
+    #[test]
+    fn only_errors_of_the_output_folder_end_the_run() {
+        let out = Path::new("out");
+        let error = |path: &str, kind: ErrorKind| Error::io(path, kind.into());
+        for kind in [ErrorKind::StorageFull, ErrorKind::QuotaExceeded, ErrorKind::PermissionDenied, ErrorKind::NotFound] {
+            assert!(ends_the_run(&error("out/f_0001.exr", kind), out), "{kind}");
+            assert!(!ends_the_run(&error("shot/f_0001.exr", kind), out), "{kind}");
+        }
+        assert!(!ends_the_run(&error("out/f_0001.exr", ErrorKind::Interrupted), out));
+        assert!(!ends_the_run(&Error::bad_file("out/f_0001.exr", "is damaged"), out));
+    }
+}

@@ -1,0 +1,199 @@
+//! Where to look: hints from the operating system where it gives any. A hint only says that a path may have changed.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::time::Duration;
+
+use notify_debouncer_full::notify::event::{AccessKind, AccessMode, CreateKind, EventKind, ModifyKind, RemoveKind};
+use notify_debouncer_full::notify::{self, Config, RecommendedWatcher, RecursiveMode};
+use notify_debouncer_full::{DebounceEventResult, DebouncedEvent, Debouncer, NoCache, new_debouncer_opt};
+
+use super::tree::is_exr;
+
+/// Events on one path are gathered this long.
+const DEBOUNCE: Duration = Duration::from_millis(100);
+
+/// What may have changed; bounded by the names in the folder.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub(super) struct Hints {
+    /// EXR files, and whether their writer has closed them.
+    pub files: BTreeMap<PathBuf, bool>,
+    /// Folders to scan.
+    pub folders: BTreeSet<PathBuf>,
+    /// Events were lost: scan everything.
+    pub all: bool,
+}
+
+type Shared = Arc<(Mutex<Hints>, Condvar)>;
+
+/// The watch on a folder.
+pub(super) struct Eyes {
+    shared: Shared,
+    debouncer: Option<Debouncer<RecommendedWatcher, NoCache>>,
+}
+
+impl Eyes {
+    /// Eyes that see nothing by themselves.
+    pub fn closed() -> Self {
+        Self { shared: Shared::default(), debouncer: None }
+    }
+
+    /// Watches a folder and everything below it.
+    ///
+    /// # Errors
+    /// What to tell the user: the system refuses, such as for too many watches. The folder must then be scanned.
+    pub fn open(&mut self, folder: &Path) -> Result<(), String> {
+        let shared = self.shared.clone();
+        let watch = || {
+            let handler = move |result: DebounceEventResult| take(&shared, result);
+            let mut debouncer =
+                new_debouncer_opt::<_, RecommendedWatcher, _>(DEBOUNCE, None, handler, NoCache, Config::default())?;
+            debouncer.watch(folder, RecursiveMode::Recursive)?;
+            Ok(debouncer)
+        };
+        self.debouncer = None;
+        self.debouncer = Some(watch().map_err(|e| refusal(folder, &e))?);
+        Ok(())
+    }
+
+    /// Stops watching.
+    pub fn close(&mut self) {
+        self.debouncer = None;
+    }
+
+    /// Whether a folder is watched.
+    pub fn are_open(&self) -> bool {
+        self.debouncer.is_some()
+    }
+
+    /// The hints since the last call; waits for one up to `timeout`.
+    pub fn hints(&self, timeout: Duration) -> Hints {
+        let (hints, bell) = &*self.shared;
+        let nothing = |hints: &mut Hints| *hints == Hints::default();
+        let guard = hints.lock().unwrap_or_else(PoisonError::into_inner);
+        let (mut guard, _) = bell.wait_timeout_while(guard, timeout, nothing).unwrap_or_else(PoisonError::into_inner);
+        std::mem::take(&mut guard)
+    }
+}
+
+/// Why the system refuses, with what to do.
+fn refusal(folder: &Path, error: &notify::Error) -> String {
+    let full = "the limit of watched folders is reached (sysctl fs.inotify.max_user_watches, fs.inotify.max_user_instances)";
+    let reason = match &error.kind {
+        notify::ErrorKind::MaxFilesWatch => full.to_string(),
+        notify::ErrorKind::Io(e) if matches!(e.raw_os_error(), Some(libc::EMFILE | libc::ENOSPC)) => full.to_string(),
+        _ => error.to_string(),
+    };
+    format!("{}: {reason}: the folder is scanned every few seconds instead, as with --poll", folder.display())
+}
+
+fn take(shared: &Shared, result: DebounceEventResult) {
+    let (hints, bell) = &**shared;
+    let mut hints = hints.lock().unwrap_or_else(PoisonError::into_inner);
+    match result {
+        Ok(events) => events.iter().for_each(|e| hints.add(e)),
+        Err(_) => hints.all = true,
+    }
+    if *hints != Hints::default() {
+        bell.notify_all();
+    }
+}
+
+impl Hints {
+    fn add(&mut self, event: &DebouncedEvent) {
+        self.all |= event.need_rescan();
+        let (closed, folder) = match event.kind {
+            EventKind::Access(AccessKind::Close(AccessMode::Write)) => (true, false),
+            // Our own reading opens files too.
+            EventKind::Access(_) => return,
+            EventKind::Modify(ModifyKind::Name(_)) => (true, true),
+            EventKind::Modify(ModifyKind::Data(_) | ModifyKind::Metadata(_)) => (false, false),
+            EventKind::Create(CreateKind::File) | EventKind::Remove(RemoveKind::File) => (false, false),
+            _ => (false, true),
+        };
+        for path in &event.paths {
+            if is_exr(path) {
+                *self.files.entry(path.clone()).or_default() |= closed;
+            } else if folder {
+                // Perhaps none of ours, which a scan of nothing finds out.
+                self.folders.insert(path.clone());
+            }
+        }
+    }
+}
+
+/// Whether a folder lies on a network file system, which tells nothing about what other machines do.
+#[cfg(target_os = "linux")]
+pub(super) fn is_remote(folder: &Path) -> bool {
+    use std::os::unix::ffi::OsStrExt;
+    const REMOTE: [u64; 7] = [0x6969, 0x517b, 0xff53_4d42, 0xfe53_4d42, 0x6573_5546, 0x7375_7245, 0x0102_1997];
+    let Ok(path) = std::ffi::CString::new(folder.as_os_str().as_bytes()) else { return false };
+    // SAFETY: `path` ends with a zero byte and `about` has room for what is written.
+    unsafe {
+        let mut about: libc::statfs = std::mem::zeroed();
+        libc::statfs(path.as_ptr(), &mut about) == 0 && REMOTE.contains(&(about.f_type as u64 & 0xffff_ffff))
+    }
+}
+
+/// Whether a folder lies on a network file system; not known on this system.
+#[cfg(not(target_os = "linux"))]
+pub(super) fn is_remote(_: &Path) -> bool {
+    false
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Instant;
+
+    use super::*;
+
+    fn event(kind: EventKind, path: &str) -> DebouncedEvent {
+        DebouncedEvent::new(notify::Event::new(kind).add_path(path.into()), Instant::now())
+    }
+
+    #[test]
+    fn our_own_reading_is_no_hint_and_closing_is_remembered() {
+        let mut hints = Hints::default();
+        hints.add(&event(EventKind::Access(AccessKind::Open(AccessMode::Any)), "/a/f_1.exr"));
+        hints.add(&event(EventKind::Access(AccessKind::Close(AccessMode::Read)), "/a/f_1.exr"));
+        assert_eq!(hints, Hints::default());
+        hints.add(&event(EventKind::Create(CreateKind::File), "/a/f_1.exr"));
+        hints.add(&event(EventKind::Access(AccessKind::Close(AccessMode::Write)), "/a/f_1.exr"));
+        hints.add(&event(EventKind::Modify(ModifyKind::Any), "/a/f_1.exr"));
+        hints.add(&event(EventKind::Create(CreateKind::Folder), "/a/b"));
+        assert_eq!(hints.files, BTreeMap::from([("/a/f_1.exr".into(), true)]));
+        assert_eq!(hints.folders, BTreeSet::from(["/a/b".into()]));
+    }
+
+    #[test]
+    fn a_refusal_tells_what_is_done_instead() {
+        let full = notify::Error::new(notify::ErrorKind::MaxFilesWatch);
+        let io = notify::Error::io(std::io::Error::from_raw_os_error(libc::EMFILE));
+        for error in [full, io] {
+            let text = refusal(Path::new("/shot"), &error);
+            assert!(text.contains("/shot") && text.contains("max_user_watches") && text.contains("scanned"), "{text}");
+        }
+        assert!(Eyes::closed().open(Path::new("/not/there")).unwrap_err().contains("/not/there"));
+    }
+
+    #[test]
+    fn what_is_written_below_the_folder_is_seen() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut eyes = Eyes::closed();
+        eyes.open(dir.path()).unwrap();
+        let file = dir.path().join("f_1.exr");
+        std::fs::write(&file, b"x").unwrap();
+        let mut seen = false;
+        for _ in 0..50 {
+            seen |= eyes.hints(Duration::from_millis(100)).files.get(&file) == Some(&true);
+            if seen {
+                break;
+            }
+        }
+        assert!(seen);
+        std::fs::read(&file).unwrap();
+        std::thread::sleep(Duration::from_millis(400));
+        assert_eq!(eyes.hints(Duration::ZERO), Hints::default(), "reading is no hint");
+    }
+}

@@ -1,0 +1,361 @@
+//! When a frame of a shot is ready to be denoised: it is whole, and so are the frames beside it, or nothing more is to come.
+//!
+//! A state machine without clocks and files: what was seen and what time it is are passed in.
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::time::Duration;
+
+use crate::plan::frames::FrameSet;
+use crate::plan::window::DEFAULT_WINDOW;
+use crate::shot::Stamp;
+
+/// Without `--settle`: at least this long, and three times the usual time between two frames, but no longer than `MOST`.
+const LEAST: Duration = Duration::from_secs(30);
+const MOST: Duration = Duration::from_secs(3600);
+/// A file that was not whole is looked at again this often, for a minute after its last change.
+const AGAIN: Duration = Duration::from_secs(5);
+const AGAIN_FOR: Duration = Duration::from_secs(60);
+/// Gaps between frames that the usual one is taken from.
+const GAPS: usize = 9;
+
+/// What decides whether a frame is ready.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Rules {
+    /// Frames on each side that help; None: as many as by default where there are motion vectors.
+    pub window: Option<usize>,
+    /// Motion vectors may be used.
+    pub vectors: bool,
+    /// The frames that the shot will have.
+    pub frames: Option<FrameSet>,
+    /// How long no frame must have come before missing neighbours are given up.
+    pub settle: Option<Duration>,
+    /// Frames are made again when a neighbour comes that they lacked.
+    pub redo: bool,
+    /// How long a file must not have changed where nobody said that it was closed.
+    pub quiet: Duration,
+    /// Take what is there and wait for nothing.
+    pub once: bool,
+}
+
+impl Rules {
+    /// Whether a frame is to be written; others only help.
+    pub fn wants(&self, number: i64) -> bool {
+        self.frames.as_ref().is_none_or(|set| set.contains(number))
+    }
+}
+
+/// How a frame was made, to tell whether it is to be made again.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Made {
+    /// The input as it was.
+    pub stamp: Option<Stamp>,
+    /// The files beside it as they were, by offset; those that were there.
+    pub around: Box<[(i32, Stamp)]>,
+    /// Frames on each side that could help.
+    pub window: usize,
+    /// It was tried in vain.
+    pub failed: bool,
+}
+
+/// What a look into a file found.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Look {
+    /// Header, chunk table and chunks are there.
+    Whole { vector: bool },
+    /// Something is missing.
+    Partial(String),
+    /// It could not be read just now.
+    Unreadable(String),
+}
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Landing {
+    Unchecked { closed: bool },
+    Whole { vector: bool },
+    Partial { reason: String, again: Option<Duration> },
+    Gone,
+}
+
+#[derive(Clone, Debug)]
+struct State {
+    stamp: Stamp,
+    /// When the stamp was first seen.
+    since: Duration,
+    landing: Landing,
+    /// It has been whole before.
+    landed: bool,
+    made: Option<Made>,
+    held: Duration,
+}
+
+/// The frames of one shot.
+#[derive(Debug, Default)]
+pub(super) struct Frames {
+    all: BTreeMap<i64, State>,
+    /// Frames that are not yet known to be whole.
+    open: BTreeSet<i64>,
+    /// Whole frames that may have to be made.
+    maybe: BTreeSet<i64>,
+    vector: bool,
+    last_news: Duration,
+    last_landing: Option<Duration>,
+    gaps: VecDeque<Duration>,
+}
+
+/// How many frames are in which state.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Counts {
+    pub landed: usize,
+    pub done: usize,
+    pub failed: usize,
+    pub waiting: usize,
+    pub partial: usize,
+}
+
+impl Frames {
+    /// A file is there. `closed` says that its writer has closed it or renamed it into place.
+    pub fn seen(&mut self, number: i64, stamp: Stamp, closed: bool, now: Duration) {
+        let Some(state) = self.all.get_mut(&number) else {
+            let landing = Landing::Unchecked { closed };
+            self.all.insert(number, State { stamp, since: now, landing, landed: false, made: None, held: Duration::ZERO });
+            return self.news(number, now);
+        };
+        let changed = state.stamp != stamp || state.landing == Landing::Gone;
+        // The last bytes may have come within the same tick of the file's clock.
+        let look_again = closed && matches!(state.landing, Landing::Unchecked { .. } | Landing::Partial { .. });
+        if changed {
+            (state.stamp, state.since) = (stamp, now);
+        }
+        if changed || look_again {
+            state.landing = Landing::Unchecked { closed };
+            self.open.insert(number);
+        }
+        if changed {
+            self.news(number, now);
+        }
+    }
+
+    fn news(&mut self, number: i64, now: Duration) {
+        self.open.insert(number);
+        self.last_news = now;
+    }
+
+    /// A file is gone. What was made of it stays.
+    pub fn gone(&mut self, number: i64) {
+        if let Some(state) = self.all.get_mut(&number) {
+            state.landing = Landing::Gone;
+            self.open.remove(&number);
+            self.maybe.remove(&number);
+        }
+    }
+
+    /// The numbers whose file is there.
+    pub fn there(&self) -> impl Iterator<Item = i64> {
+        self.all.iter().filter(|(_, s)| s.landing != Landing::Gone).map(|(n, _)| *n)
+    }
+
+    /// Files to look into now.
+    pub fn due(&self, rules: &Rules, now: Duration) -> Vec<i64> {
+        let due = |s: &State| match &s.landing {
+            Landing::Unchecked { closed } => *closed || rules.once || now.saturating_sub(s.since) >= rules.quiet,
+            Landing::Partial { again, .. } => !rules.once && again.is_some_and(|at| now >= at),
+            Landing::Whole { .. } | Landing::Gone => false,
+        };
+        self.open.iter().copied().filter(|n| self.all.get(n).is_some_and(due)).collect()
+    }
+
+    /// What a look into a file found, and its stamp from before the look. True where a frame has landed.
+    pub fn looked(&mut self, number: i64, stamp: Stamp, look: Look, now: Duration) -> bool {
+        let Some(state) = self.all.get_mut(&number) else { return false };
+        if state.stamp != stamp {
+            return false;
+        }
+        match look {
+            Look::Whole { vector } => {
+                state.landing = Landing::Whole { vector };
+                state.landed = true;
+                self.open.remove(&number);
+                self.vector |= vector;
+                self.last_news = now;
+                if let Some(before) = self.last_landing.replace(now) {
+                    self.gaps.push_back(now.saturating_sub(before));
+                    while self.gaps.len() > GAPS {
+                        self.gaps.pop_front();
+                    }
+                }
+                self.touch(number);
+                return true;
+            }
+            Look::Partial(reason) => {
+                let fresh = now.saturating_sub(state.since) < AGAIN_FOR;
+                state.landing = Landing::Partial { reason, again: fresh.then_some(now + AGAIN) };
+            }
+            Look::Unreadable(reason) => state.landing = Landing::Partial { reason, again: Some(now + AGAIN) },
+        }
+        false
+    }
+
+    /// Frames around a number may have to be made.
+    fn touch(&mut self, number: i64) {
+        let reach = crate::plan::window::MAX_WINDOW as i64;
+        let whole = |s: &State| matches!(s.landing, Landing::Whole { .. });
+        self.maybe.extend(self.all.range(number - reach..=number + reach).filter(|(_, s)| whole(s)).map(|(n, _)| *n));
+    }
+
+    /// Whether the file has been whole before, with other content.
+    pub fn is_again(&self, number: i64) -> bool {
+        self.all.get(&number).is_some_and(|s| s.landed || s.made.is_some())
+    }
+
+    /// The file as it was last seen.
+    pub fn stamp(&self, number: i64) -> Option<Stamp> {
+        self.all.get(&number).map(|s| s.stamp)
+    }
+
+    /// How a frame was made, as far as it is known.
+    pub fn made(&self, number: i64) -> Option<&Made> {
+        self.all.get(&number)?.made.as_ref()
+    }
+
+    /// Takes note of how a frame was made.
+    pub fn set_made(&mut self, number: i64, made: Option<Made>) {
+        if let Some(state) = self.all.get_mut(&number) {
+            state.made = made;
+            self.maybe.insert(number);
+        }
+    }
+
+    /// Leaves a frame alone until then.
+    pub fn hold(&mut self, number: i64, until: Duration) {
+        if let Some(state) = self.all.get_mut(&number) {
+            state.held = until;
+        }
+    }
+
+    /// Frames on each side that help.
+    pub fn window(&self, rules: &Rules) -> usize {
+        match rules.window {
+            _ if !rules.vectors => 0,
+            Some(window) => window,
+            None if self.vector => DEFAULT_WINDOW,
+            None => 0,
+        }
+    }
+
+    /// Whether some frame has motion vectors.
+    pub fn has_vector(&self) -> bool {
+        self.vector
+    }
+
+    /// The whole frames from `first` to `last`.
+    pub fn whole(&self, first: i64, last: i64) -> impl Iterator<Item = i64> {
+        let whole = |s: &State| matches!(s.landing, Landing::Whole { .. });
+        self.all.range(first..=last).filter(move |(_, s)| whole(s)).map(|(n, _)| *n)
+    }
+
+    /// The first and the last number that is there.
+    pub fn ends(&self) -> Option<(i64, i64)> {
+        let mut there = self.there();
+        let first = there.next()?;
+        Some((first, there.last().unwrap_or(first)))
+    }
+
+    /// Frames to denoise now, ascending.
+    pub fn ready(&mut self, rules: &Rules, now: Duration) -> Vec<i64> {
+        let mut maybe = std::mem::take(&mut self.maybe);
+        maybe.retain(|n| self.needs_work(*n, rules));
+        self.maybe = maybe;
+        let patient = rules.once || self.has_settled(rules, now);
+        let start = if patient { None } else { self.start() };
+        let held = |n: &i64| self.all.get(n).is_some_and(|s| s.held > now);
+        let satisfied = |n: &i64| patient || self.is_satisfied(*n, rules, start);
+        self.maybe.iter().copied().filter(|n| !held(n) && satisfied(n)).collect()
+    }
+
+    /// Frames that are whole, to be made, and held.
+    pub fn held(&self, now: Duration) -> usize {
+        self.maybe.iter().filter(|n| self.all.get(n).is_some_and(|s| s.held > now)).count()
+    }
+
+    /// Whether a frame is whole and not made, or made of something else.
+    pub fn needs_work(&self, number: i64, rules: &Rules) -> bool {
+        let Some(state) = self.all.get(&number).filter(|_| rules.wants(number)) else { return false };
+        let Landing::Whole { vector } = state.landing else { return false };
+        let Some(made) = &state.made else { return true };
+        let window = self.window(rules);
+        if made.stamp != Some(state.stamp) || (made.window != window && !made.failed) {
+            return true;
+        }
+        if made.failed || !rules.redo || !vector {
+            return false;
+        }
+        let reach = window as i64;
+        let new = |k: i64| {
+            let then = made.around.iter().find(|(offset, _)| i64::from(*offset) == k - number).map(|(_, stamp)| *stamp);
+            self.all.get(&k).is_some_and(|s| matches!(s.landing, Landing::Whole { .. }) && Some(s.stamp) != then)
+        };
+        (number - reach..=number + reach).any(|k| k != number && new(k))
+    }
+
+    /// Whether the window of a frame is there, as far as it is to come. `start` is the shot's first frame, if that is known.
+    fn is_satisfied(&self, number: i64, rules: &Rules, start: Option<i64>) -> bool {
+        let vector = self.all.get(&number).is_some_and(|s| s.landing == Landing::Whole { vector: true });
+        let reach = if vector { self.window(rules) as i64 } else { 0 };
+        let to_come = |k: i64| match (self.all.get(&k).map(|s| &s.landing), &rules.frames) {
+            (Some(Landing::Whole { .. }), _) => false,
+            (Some(Landing::Unchecked { .. } | Landing::Partial { .. }), _) => true,
+            (_, Some(set)) => set.contains(k),
+            _ => start.is_none_or(|first| k > first),
+        };
+        !(number - reach..=number + reach).any(to_come)
+    }
+
+    /// The shot's first frame: the lowest number, where that is the oldest file too, so that frames come in ascending order.
+    fn start(&self) -> Option<i64> {
+        let mut there = self.all.iter().filter(|(_, s)| s.landing != Landing::Gone);
+        let (number, first) = there.next()?;
+        there.all(|(_, s)| s.stamp.modified >= first.stamp.modified).then_some(*number)
+    }
+
+    /// Whether no frame has come for so long that none is awaited any more.
+    fn has_settled(&self, rules: &Rules, now: Duration) -> bool {
+        now.saturating_sub(self.last_news) >= rules.settle.unwrap_or_else(|| self.usual_settle())
+    }
+
+    fn usual_settle(&self) -> Duration {
+        let mut gaps: Vec<Duration> = self.gaps.iter().copied().collect();
+        gaps.sort_unstable();
+        let usual = gaps.get(gaps.len() / 2).copied().unwrap_or_default();
+        (usual * 3).clamp(LEAST, MOST)
+    }
+
+    /// Files that are not whole, and why.
+    pub fn partial(&self) -> impl Iterator<Item = (i64, &str, Duration)> {
+        self.open.iter().filter_map(|n| match self.all.get(n) {
+            Some(State { landing: Landing::Partial { reason, .. }, since, .. }) => Some((*n, reason.as_str(), *since)),
+            _ => None,
+        })
+    }
+
+    /// How many frames are in which state.
+    pub fn counts(&self, rules: &Rules) -> Counts {
+        let mut counts = Counts { partial: self.partial().count(), ..Counts::default() };
+        for (number, state) in self.all.iter().filter(|(n, _)| rules.wants(**n)) {
+            let whole = matches!(state.landing, Landing::Whole { .. });
+            counts.landed += usize::from(whole);
+            if whole && self.maybe.contains(number) && self.needs_work(*number, rules) {
+                counts.waiting += 1;
+            } else if let Some(made) = &state.made {
+                counts.failed += usize::from(made.failed && whole);
+                counts.done += usize::from(!made.failed);
+            }
+        }
+        counts
+    }
+
+    /// The whole frames that could not be denoised.
+    pub fn failed(&self) -> impl Iterator<Item = i64> {
+        let failed = |s: &State| matches!(s.landing, Landing::Whole { .. }) && s.made.as_ref().is_some_and(|m| m.failed);
+        self.all.iter().filter(move |(_, s)| failed(s)).map(|(n, _)| *n)
+    }
+}

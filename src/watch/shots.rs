@@ -1,0 +1,199 @@
+//! One shot of the watched folder: its frames, its settings, and what was made of it.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+use std::time::Duration;
+
+use super::Options;
+use super::ready::{Frames, Look, Made, Rules};
+use super::tree::{Place, ShotKey, Tree};
+use crate::error::{Error, Result};
+use crate::io::is_complete;
+use crate::io::sequence::{Sequence, SequenceFrame};
+use crate::plan::frames::FrameSet;
+use crate::shot::{Entry, Job, Manifest, Stamp, Status, WholeShot, has_vector};
+
+/// A file is stable when it has not changed this long, where nobody said that it was closed.
+const QUIET: Duration = Duration::from_secs(1);
+
+/// A shot.
+pub(super) struct Shot {
+    pub key: ShotKey,
+    /// Such as `beauty/frame_####.exr`.
+    pub name: String,
+    pub frames: Frames,
+    pub rules: Rules,
+    /// The settings; its sequence is empty.
+    job: Job,
+    /// The width of the numbers in the files' names.
+    digits: BTreeMap<i64, usize>,
+    /// Kinds of warnings that were told.
+    pub told: BTreeSet<String>,
+    /// Files told to be incomplete.
+    pub told_partial: BTreeMap<i64, Stamp>,
+    pub started: bool,
+    pub written: usize,
+    /// Frames that this process wrote.
+    pub own: BTreeSet<i64>,
+    pub degraded: BTreeSet<i64>,
+}
+
+impl Shot {
+    /// The shot of a file.
+    ///
+    /// # Errors
+    /// Its settings cannot be had.
+    pub fn new(tree: &Tree, place: &Place, options: &Options, job: &dyn Fn(Sequence) -> Result<Job>) -> Result<Self> {
+        let key = place.key.clone();
+        let path = tree.source(&key, place.number, place.digits);
+        let frames = vec![SequenceFrame { number: place.number, path }];
+        let mut job = job(Sequence { name: key.pattern(place.digits), frames, ignored: Vec::new() })?;
+        job.output = tree.output(&key);
+        job.sequence.frames.clear();
+        (job.overwrite, job.strict) = (false, false);
+        let rules = Rules {
+            window: job.window,
+            vectors: job.selection.guides.vector,
+            frames: job.frames.clone(),
+            settle: options.settle,
+            redo: options.redo,
+            quiet: options.poll.unwrap_or(QUIET),
+            once: options.once,
+        };
+        Ok(Self {
+            name: key.name(place.digits),
+            key,
+            frames: Frames::default(),
+            rules,
+            job,
+            digits: BTreeMap::new(),
+            told: BTreeSet::new(),
+            told_partial: BTreeMap::new(),
+            started: false,
+            written: 0,
+            own: BTreeSet::new(),
+            degraded: BTreeSet::new(),
+        })
+    }
+
+    /// The output folder.
+    pub fn output(&self) -> &std::path::Path {
+        &self.job.output
+    }
+
+    /// A frame's file name.
+    pub fn file(&self, number: i64) -> String {
+        self.key.file(number, self.digits.get(&number).copied().unwrap_or(1))
+    }
+
+    /// A frame's input file.
+    pub fn source(&self, tree: &Tree, number: i64) -> PathBuf {
+        tree.source(&self.key, number, self.digits.get(&number).copied().unwrap_or(1))
+    }
+
+    /// A file is there. False where another file has the same number.
+    pub fn seen(&mut self, place: &Place, stamp: Stamp, closed: bool, now: Duration) -> bool {
+        let near = crate::plan::window::MAX_WINDOW as i64;
+        if !(place.number - near..=place.number + near).any(|n| self.rules.wants(n)) {
+            return true;
+        }
+        if *self.digits.entry(place.number).or_insert(place.digits) != place.digits {
+            return false;
+        }
+        self.frames.seen(place.number, stamp, closed, now);
+        true
+    }
+
+    /// A file is gone.
+    pub fn gone(&mut self, number: i64) {
+        self.digits.remove(&number);
+        self.frames.gone(number);
+    }
+
+    /// Looks into a file. True where a frame has landed.
+    pub fn look(&mut self, tree: &Tree, number: i64, now: Duration) -> bool {
+        let path = self.source(tree, number);
+        let Some(stamp) = Stamp::of(&path) else {
+            self.gone(number);
+            return false;
+        };
+        let vector = is_complete(&path).and_then(|()| match has_vector(&path, &self.job.selection) {
+            // The run will say what is missing.
+            Err(Error::MissingPass { .. } | Error::BadSetting { .. }) => Ok(false),
+            other => other,
+        });
+        let look = match vector {
+            Ok(vector) => Look::Whole { vector },
+            Err(Error::Io { source, .. }) => Look::Unreadable(source.to_string()),
+            Err(Error::BadFile { reason, .. }) => Look::Partial(reason),
+            Err(_) => Look::Whole { vector: false },
+        };
+        match Stamp::of(&path) {
+            Some(after) if after == stamp => {
+                self.frames.seen(number, stamp, false, now);
+                self.frames.looked(number, stamp, look, now)
+            }
+            Some(after) => {
+                self.frames.seen(number, after, false, now);
+                false
+            }
+            None => {
+                self.gone(number);
+                false
+            }
+        }
+    }
+
+    /// Learns from the manifest how a frame was made, by whichever process. Files that Hush did not write are refused.
+    pub fn learn(&mut self, number: i64, manifest: &Manifest) -> Result<()> {
+        let output = self.job.output.join(self.file(number));
+        let Some(entry) = manifest.entry(&output) else {
+            if output.exists() {
+                let reason = "is there already, and the manifest does not say that Hush wrote it: move it away or choose another \
+                              output folder";
+                return Err(Error::BadInput { input: output.display().to_string(), reason: reason.into() });
+            }
+            return Ok(());
+        };
+        let made = self.made(number, entry, manifest).filter(|m| !m.failed);
+        let Some(made) = made else { return Ok(()) };
+        if self.frames.made(number) != Some(&made) && is_complete(&output).is_ok() {
+            self.frames.set_made(number, Some(made));
+        }
+        Ok(())
+    }
+
+    /// How the manifest says that a frame was made; none where it was not, or with other settings.
+    pub fn made(&self, number: i64, entry: &Entry, manifest: &Manifest) -> Option<Made> {
+        let window = manifest.settings.get(&entry.settings)?.window;
+        let same = self.job.settings(window, number).is_ok_and(|s| s.key() == entry.settings);
+        if !same || entry.status == Status::Planned {
+            return None;
+        }
+        let around = entry.neighbours.iter().filter_map(|n| n.stamp.map(|stamp| (n.offset, stamp))).collect();
+        Some(Made { stamp: entry.stamp, around, window, failed: entry.status == Status::Failed })
+    }
+
+    /// Gives a frame up until its file changes.
+    pub fn give_up(&mut self, number: i64) {
+        let stamp = self.frames.stamp(number);
+        let window = self.frames.window(&self.rules);
+        self.frames.set_made(number, Some(Made { stamp, around: Box::default(), window, failed: true }));
+    }
+
+    /// The job for some frames, with those beside them.
+    pub fn job_for(&self, tree: &Tree, targets: &[i64]) -> Job {
+        let reach = self.frames.window(&self.rules) as i64;
+        let mut numbers: BTreeSet<i64> = targets.iter().copied().collect();
+        for target in targets {
+            numbers.extend(self.frames.whole(target - reach, target + reach));
+        }
+        let file = |n: &i64| SequenceFrame { number: *n, path: self.source(tree, *n) };
+        let frames: Vec<SequenceFrame> = numbers.iter().map(file).collect();
+        let known = self.rules.frames.as_ref().and_then(FrameSet::ends);
+        let ends = [known, self.frames.ends()].into_iter().flatten().reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
+        let whole = ends.map(|(first, last)| WholeShot { first, last, vector: self.frames.has_vector() });
+        let sequence = Sequence { name: self.job.sequence.name.clone(), frames, ignored: Vec::new() };
+        Job { sequence, whole, frames: Some(FrameSet::of(targets)), ..self.job.clone() }
+    }
+}

@@ -1,0 +1,259 @@
+//! The watched folder: which files are frames of which shot, and where their outputs go.
+
+use std::collections::BTreeSet;
+use std::ffi::OsStr;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+use crate::io::NumberPattern;
+use crate::io::split_number;
+use crate::shot::{MANIFEST, Stamp, real_folder};
+
+/// One sequence in one folder.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct ShotKey {
+    /// Below the input folder and, mirrored, below the output folder.
+    pub folder: PathBuf,
+    prefix: String,
+    suffix: String,
+}
+
+impl ShotKey {
+    /// The file name of a frame; `digits` with the sign.
+    pub fn file(&self, number: i64, digits: usize) -> String {
+        format!("{}{number:0digits$}{}", self.prefix, self.suffix)
+    }
+
+    /// The shot's name below the input folder, such as `beauty/frame_####.exr`.
+    pub fn name(&self, digits: usize) -> String {
+        self.folder.join(self.pattern(digits)).to_string_lossy().into_owned()
+    }
+
+    /// The files' common name, such as `frame_####.exr`.
+    pub fn pattern(&self, digits: usize) -> String {
+        format!("{}{}{}", self.prefix, "#".repeat(digits), self.suffix)
+    }
+}
+
+/// A frame's file, by its name.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Place {
+    pub key: ShotKey,
+    pub number: i64,
+    pub digits: usize,
+}
+
+impl Place {
+    /// The file's name.
+    pub fn file(&self) -> String {
+        self.key.file(self.number, self.digits)
+    }
+}
+
+/// What a scan found.
+#[derive(Debug, Default)]
+pub(super) struct Found {
+    pub frames: Vec<(Place, Stamp)>,
+    /// Files and folders left out, with why.
+    pub ignored: Vec<(PathBuf, &'static str)>,
+}
+
+/// The folders.
+pub(super) struct Tree {
+    pub input: PathBuf,
+    pub output: PathBuf,
+    pattern: Option<NumberPattern>,
+    /// The output folder's real path.
+    real_output: PathBuf,
+}
+
+impl Tree {
+    /// `input` is a folder, which need not be there yet, or a pattern such as `shot/frame_####.exr`.
+    ///
+    /// # Errors
+    /// The output folder is the input folder or lies around it, or is a file; a pattern with several places.
+    pub fn new(input: &Path, output: &Path) -> Result<Self> {
+        let bad = |what: &Path, reason: &str| Error::BadInput { input: what.display().to_string(), reason: reason.into() };
+        if output.as_os_str().is_empty() || (output.exists() && !output.is_dir()) {
+            return Err(bad(output, "is no folder: name one to write to"));
+        }
+        let name = input.file_name().unwrap_or_default().to_string_lossy();
+        let pattern = match input.is_dir() {
+            true => None,
+            false => NumberPattern::parse(&name).map_err(|reason| bad(input, &reason))?,
+        };
+        if pattern.is_none() && input.is_file() {
+            return Err(bad(input, "is a file: name the folder to watch, or a pattern such as shot/frame_####.exr"));
+        }
+        let folder = match &pattern {
+            Some(_) => input.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")),
+            None => input,
+        };
+        let (real_input, real_output) = (real_folder(folder), real_folder(output));
+        if real_input.starts_with(&real_output) {
+            let reason = "is the watched folder or lies around it, so that inputs would be overwritten: choose another folder, \
+                          such as a new one inside it";
+            return Err(bad(output, reason));
+        }
+        Ok(Self { input: folder.into(), output: output.into(), pattern, real_output })
+    }
+
+    /// The input file of a frame.
+    pub fn source(&self, key: &ShotKey, number: i64, digits: usize) -> PathBuf {
+        self.input.join(&key.folder).join(key.file(number, digits))
+    }
+
+    /// The output folder of a shot.
+    pub fn output(&self, key: &ShotKey) -> PathBuf {
+        if key.folder.as_os_str().is_empty() { self.output.clone() } else { self.output.join(&key.folder) }
+    }
+
+    /// The frame that a path is, by its name and its folder.
+    pub fn place(&self, path: &Path) -> Option<Place> {
+        let folder = path.parent()?;
+        if self.leaves_out(folder) || folder.join(MANIFEST).exists() {
+            return None;
+        }
+        self.named(path)
+    }
+
+    /// The frame that a path is, by its name alone.
+    fn named(&self, path: &Path) -> Option<Place> {
+        let below = path.strip_prefix(&self.input).ok()?;
+        let (folder, name) = (below.parent()?, path.file_name()?.to_str()?);
+        if below.iter().any(is_hidden) || !is_exr(path) {
+            return None;
+        }
+        let (prefix, number, digits, suffix) = match &self.pattern {
+            Some(pattern) => {
+                let (number, digits) = pattern.number(name).filter(|_| folder.as_os_str().is_empty())?;
+                (pattern.prefix.clone(), number, digits, pattern.suffix.clone())
+            }
+            None => split_number(name)?,
+        };
+        Some(Place { key: ShotKey { folder: folder.into(), prefix, suffix }, number, digits })
+    }
+
+    /// Whether a folder is the output folder or below it.
+    fn leaves_out(&self, folder: &Path) -> bool {
+        real_folder(folder).starts_with(&self.real_output)
+    }
+
+    /// Finds the frames in a folder and below it. Folders that cannot be read are left out, as they may be on their way.
+    pub fn scan(&self, from: &Path) -> Found {
+        let mut found = Found::default();
+        let mut folders = BTreeSet::from([from.to_path_buf()]);
+        while let Some(folder) = folders.pop_first() {
+            if !folder.starts_with(&self.input) || self.leaves_out(&folder) {
+                continue;
+            }
+            let Ok(entries) = fs::read_dir(&folder) else { continue };
+            let paths: Vec<PathBuf> = entries.flatten().map(|e| e.path()).collect();
+            let own = paths.iter().any(|p| p.file_name() == Some(OsStr::new(MANIFEST)));
+            if own {
+                found.ignored.push((folder.clone(), "is an output folder of Hush"));
+            }
+            for path in paths {
+                let Ok(about) = fs::symlink_metadata(&path) else { continue };
+                if about.is_dir() && self.pattern.is_none() {
+                    if !path.file_name().is_some_and(is_hidden) {
+                        folders.insert(path);
+                    }
+                } else if !own && is_exr(&path) {
+                    self.take_file(path, &mut found);
+                }
+            }
+        }
+        found
+    }
+
+    fn take_file(&self, path: PathBuf, found: &mut Found) {
+        if !path.is_file() || path.file_name().is_some_and(is_hidden) {
+            return;
+        }
+        match (self.named(&path), Stamp::of(&path)) {
+            (Some(place), Some(stamp)) => found.frames.push((place, stamp)),
+            (None, Some(_)) if self.pattern.is_none() => found.ignored.push((path, "has no frame number in its name")),
+            _ => {}
+        }
+    }
+}
+
+fn is_hidden(name: &OsStr) -> bool {
+    name.as_encoded_bytes().starts_with(b".")
+}
+
+/// Whether a name is that of an EXR file.
+pub(super) fn is_exr(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn folder(names: &[&str]) -> tempfile::TempDir {
+        let dir = tempfile::tempdir().unwrap();
+        for name in names {
+            let path = dir.path().join(name);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(path, b"").unwrap();
+        }
+        dir
+    }
+
+    fn names(found: &Found) -> Vec<String> {
+        let mut names: Vec<String> =
+            found.frames.iter().map(|(p, _)| p.key.folder.join(p.key.file(p.number, p.digits)).display().to_string()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn shots_are_found_in_subfolders_without_outputs_and_hidden_files() {
+        let dir = folder(&[
+            "in/f_0001.exr",
+            "in/f_0002.EXR",
+            "in/.f_0003.exr",
+            "in/a/b/s-12.exr",
+            "in/.cache/x_1.exr",
+            "in/out/f_0001.exr",
+            "in/old/f_0001.exr",
+            "in/old/hush-manifest.json",
+            "in/still.exr",
+            "in/f_1.png",
+            "in/g_-001.exr",
+        ]);
+        let tree = Tree::new(&dir.path().join("in"), &dir.path().join("in/out")).unwrap();
+        let found = tree.scan(&tree.input);
+        assert_eq!(names(&found), ["a/b/s-12.exr", "f_0001.exr", "f_0002.EXR", "g_-001.exr"]);
+        let mut ignored: Vec<_> = found.ignored.iter().map(|(p, _)| p.file_name().unwrap().to_str().unwrap()).collect();
+        ignored.sort_unstable();
+        assert_eq!(ignored, ["old", "still.exr"]);
+        assert_eq!(names(&tree.scan(&tree.input.join("a"))), ["a/b/s-12.exr"]);
+        assert!(names(&tree.scan(&tree.input.join("out"))).is_empty() && names(&tree.scan(dir.path())).is_empty());
+        let place = tree.place(&dir.path().join("in/a/b/s-12.exr")).unwrap();
+        assert_eq!((place.key.name(place.digits), place.number), ("a/b/s-##.exr".into(), 12));
+        assert_eq!(tree.output(&place.key), dir.path().join("in/out/a/b"));
+    }
+
+    #[test]
+    fn a_pattern_picks_one_sequence_of_one_folder() {
+        let dir = folder(&["in/f_0001.exr", "in/g_0001.exr", "in/a/f_0001.exr"]);
+        let tree = Tree::new(&dir.path().join("in/f_####.exr"), &dir.path().join("out")).unwrap();
+        assert_eq!(names(&tree.scan(&tree.input)), ["f_0001.exr"]);
+    }
+
+    #[test]
+    fn an_output_folder_around_the_input_is_refused() {
+        let dir = folder(&["in/f_0001.exr"]);
+        let (input, root) = (dir.path().join("in"), dir.path());
+        for output in [input.clone(), root.into(), input.join("x/.."), input.join("f_0001.exr")] {
+            assert!(Tree::new(&input, &output).is_err(), "{}", output.display());
+        }
+        assert!(Tree::new(&input.join("f_0001.exr"), &root.join("out")).is_err());
+        assert!(Tree::new(&root.join("not/yet"), &root.join("out")).is_ok());
+        assert!(Tree::new(&root.join("not/####_%d.exr"), &root.join("out")).is_err());
+    }
+}

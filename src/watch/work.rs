@@ -1,0 +1,214 @@
+//! The work: frames that are ready, a few at a time, claimed, denoised, and taken note of.
+
+use std::cell::RefCell;
+use std::path::Path;
+use std::time::Duration;
+
+use super::claims::Claim;
+use super::events::Event;
+use super::shots::Shot;
+use super::tree::ShotKey;
+use super::watcher::Watcher;
+use crate::error::{Error, Result};
+use crate::plan::checks::WarningKind;
+use crate::shot::{self, Manifest, Status, Summary};
+
+/// Frames of one run at most; what lands meanwhile waits for its end.
+const BATCH: usize = 16;
+/// A frame that another process is at is looked at again after this long.
+const THEIRS: Duration = Duration::from_secs(1);
+/// An input that could not be read is tried again after this long.
+const UNREADABLE: Duration = Duration::from_secs(5);
+/// Where nothing can be written, the wait is this long at first and doubles up to `LAST_PAUSE`.
+pub(super) const FIRST_PAUSE: Duration = Duration::from_secs(2);
+const LAST_PAUSE: Duration = Duration::from_secs(60);
+
+impl Watcher<'_> {
+    /// Denoises some frames of one shot. False where there is nothing to do.
+    pub fn work(&mut self) -> bool {
+        if self.now() < self.pause.0 {
+            return false;
+        }
+        // The shots take turns.
+        let after = |k: &&ShotKey| self.turn.as_ref().is_none_or(|turn| *k > turn);
+        let keys: Vec<ShotKey> =
+            self.shots.keys().filter(after).chain(self.shots.keys().filter(|k| !after(k))).cloned().collect();
+        for key in keys {
+            let Some(mut shot) = self.shots.remove(&key) else { continue };
+            let worked = self.work_on(&mut shot);
+            self.shots.insert(key.clone(), shot);
+            match worked {
+                Ok(false) => continue,
+                Ok(true) => self.turn = Some(key),
+                Err(error) => self.pause(error),
+            }
+            return true;
+        }
+        false
+    }
+
+    /// Says what is wrong with the output folder and waits.
+    fn pause(&mut self, error: Error) {
+        if self.options.once {
+            (self.report)(Event::Warning { kind: WarningKind::Note, message: format!("stopped: {error}") });
+            self.stopped = Some(error);
+            return;
+        }
+        let wait = self.pause.1;
+        self.pause = (self.now() + wait, (wait * 2).min(LAST_PAUSE));
+        let message = format!("{error}: free space or allow writing there; the next attempt is in {} s", wait.as_secs());
+        (self.report)(Event::Paused { message, seconds: wait.as_secs_f64() });
+    }
+
+    /// Denoises some frames of a shot. False where none is ready. The error is about the output folder.
+    fn work_on(&mut self, shot: &mut Shot) -> Result<bool> {
+        let ready = shot.frames.ready(&shot.rules, self.now());
+        if ready.is_empty() {
+            return Ok(false);
+        }
+        let output = shot.output().to_path_buf();
+        if self.swept.insert(output.clone()) {
+            self.claims.sweep(&output);
+        }
+        let mut held = None;
+        let mut todo = Vec::new();
+        for some in ready.chunks(BATCH) {
+            for number in self.still_to_do(shot, some) {
+                let held = match &mut held {
+                    Some(held) => held,
+                    None => held.insert(self.claims.open(&output)?),
+                };
+                let file = shot.file(number);
+                match self.claims.claim(held, &file, self.now())? {
+                    Claim::Theirs => shot.frames.hold(number, self.now() + THEIRS),
+                    // Another process may have done it right before.
+                    Claim::Ours if self.still_to_do(shot, &[number]).is_empty() => held.release(&file),
+                    Claim::Ours => todo.push(number),
+                }
+                if todo.len() == BATCH {
+                    break;
+                }
+            }
+            if todo.len() == BATCH || self.cancel.is_cancelled() {
+                break;
+            }
+        }
+        if todo.is_empty() {
+            return Ok(false);
+        }
+        let done = self.denoise(shot, &todo, &output);
+        drop(held);
+        done.map(|()| true)
+    }
+
+    /// Those of the frames that no process has done meanwhile.
+    fn still_to_do(&mut self, shot: &mut Shot, numbers: &[i64]) -> Vec<i64> {
+        let empty = Manifest::default();
+        let manifest = match self.runner.ledger(shot.output()).read() {
+            Ok(manifest) => manifest,
+            Err(error) => {
+                if shot.told.insert("manifest".into()) {
+                    let message = format!("{error}: what it says about the frames there is not known");
+                    (self.report)(Event::Warning { kind: WarningKind::Manifest, message });
+                }
+                &empty
+            }
+        };
+        let mut todo = Vec::new();
+        for &number in numbers {
+            match shot.learn(number, manifest) {
+                Ok(()) if shot.frames.needs_work(number, &shot.rules) => todo.push(number),
+                Ok(()) => {}
+                Err(error) => {
+                    let event = shot::Event::Error { frame: Some(number), message: error.to_string() };
+                    (self.report)(Event::Shot { shot: &shot.name, event });
+                    shot.give_up(number);
+                }
+            }
+        }
+        todo
+    }
+
+    /// Runs over frames that are claimed; where they cannot be done together, one by one.
+    fn denoise(&mut self, shot: &mut Shot, numbers: &[i64], output: &Path) -> Result<()> {
+        match self.run_over(shot, numbers) {
+            Ok(summary) => self.take_note(shot, numbers, summary, output),
+            Err(Error::Io { path, source }) if path.starts_with(output) => Err(Error::Io { path, source }),
+            Err(_) if numbers.len() > 1 => numbers.iter().try_for_each(|n| self.denoise(shot, &[*n], output)),
+            Err(error) => {
+                for &number in numbers {
+                    let event = shot::Event::Error { frame: Some(number), message: error.to_string() };
+                    (self.report)(Event::Shot { shot: &shot.name, event });
+                    match error {
+                        // The input may be gone, or back in a moment.
+                        Error::Io { .. } if !self.options.once => shot.frames.hold(number, self.now() + UNREADABLE),
+                        _ => shot.give_up(number),
+                    }
+                }
+                Ok(())
+            }
+        }
+    }
+
+    fn run_over(&mut self, shot: &mut Shot, numbers: &[i64]) -> Result<Summary> {
+        let job = shot.job_for(&self.tree, numbers);
+        let counts = shot.frames.counts(&shot.rules);
+        let (name, told, started) = (shot.name.clone(), RefCell::new(&mut shot.told), shot.started);
+        let report = |event: shot::Event<'_>| {
+            let event = match event {
+                shot::Event::Start { .. } if started => return,
+                shot::Event::Start { sequence, output, todo, window, lambda, .. } => {
+                    shot::Event::Start { sequence, output, frames: counts.landed, todo, window, lambda }
+                }
+                // What is done so far, of what has landed so far.
+                shot::Event::Frame { frame, status, lambda, source, output, neighbours, reason, seconds, finished, .. } => {
+                    let (finished, frames) = ((counts.done + finished).min(counts.landed), counts.landed);
+                    shot::Event::Frame { frame, status, lambda, source, output, neighbours, reason, seconds, finished, frames }
+                }
+                // Which frames are made again is told each time, the rest once a shot.
+                shot::Event::Warning(w)
+                    if w.kind != WarningKind::Redone && !told.borrow_mut().insert(format!("{:?}", w.kind)) =>
+                {
+                    return;
+                }
+                shot::Event::Error { frame: None, .. } | shot::Event::Done(_) => return,
+                event => event,
+            };
+            (self.report)(Event::Shot { shot: &name, event });
+        };
+        let summary = self.runner.run(&job, &report, self.cancel)?;
+        shot.started = true;
+        Ok(summary)
+    }
+
+    /// Learns what a run has done.
+    fn take_note(&mut self, shot: &mut Shot, numbers: &[i64], summary: Summary, output: &Path) -> Result<()> {
+        let manifest = self.runner.ledger(output).read()?;
+        for &number in numbers {
+            let file = output.join(shot.file(number));
+            let Some(entry) = manifest.entry(&file) else { continue };
+            let made = shot.made(number, entry, manifest);
+            match entry.status {
+                Status::Denoised => {
+                    shot.own.insert(number);
+                }
+                // The folder was at fault, not the frame.
+                Status::Failed if summary.stopped.is_some() => continue,
+                Status::Failed | Status::Skipped | Status::Planned => {}
+            }
+            if made.is_some() {
+                shot.frames.set_made(number, made);
+                shot.degraded.remove(&number);
+            }
+        }
+        shot.written += summary.written;
+        shot.degraded.extend(summary.degraded);
+        match summary.stopped {
+            Some(error) => Err(error),
+            None => {
+                self.pause = (Duration::ZERO, FIRST_PAUSE);
+                Ok(())
+            }
+        }
+    }
+}
