@@ -190,6 +190,11 @@ def _reason(disk: _Disk, pattern: Path, frame: int, wanted: dict[str, object]) -
     old = disk.settings.get(str(entry.get("settings")))
     if old is None:
         return "not written by Hush"
+    # A run that was stopped leaves older files in place for the frames that it did not reach.
+    if entry.get("status") == "planned":
+        return "denoising was stopped"
+    if entry.get("status") == "failed":
+        return "denoising failed"
     lam = wanted["lambda"][frame] if isinstance(wanted["lambda"], dict) else wanted["lambda"]
     if not math.isclose(old.get("lambda", 1.0), lam, rel_tol=1e-5):
         return "λ changed"

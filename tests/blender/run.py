@@ -26,7 +26,7 @@ import venvs
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
-TIME_LIMIT = 120.0
+TIME_LIMIT = 300.0
 
 
 @dataclass

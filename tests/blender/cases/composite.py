@@ -14,7 +14,6 @@ import kit
 import numpy as np
 import OpenEXR
 
-TIME_LIMIT = 180.0
 compat = importlib.import_module(f"{kit.MODULE}.compat")
 composite = importlib.import_module(f"{kit.MODULE}.composite")
 NODE = "HushTemporalDenoiseNode"

@@ -15,7 +15,6 @@ import bpy
 import kit
 import numpy as np
 
-TIME_LIMIT = 240.0
 denoise = importlib.import_module(f"{kit.MODULE}.denoise")
 job = importlib.import_module(f"{kit.MODULE}.job")
 NAMES = [f"frame_{frame:04d}.exr" for frame in kit.FRAMES]

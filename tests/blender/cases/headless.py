@@ -11,7 +11,6 @@ import bpy
 import kit
 import numpy as np
 
-TIME_LIMIT = 180.0
 SCRIPT = Path(kit.__file__).resolve().parents[2] / "samples" / "headless.py"
 SMALL = ("--frames", "2", "--size", "64x36", "--samples", "2")
 

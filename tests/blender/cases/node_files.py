@@ -9,7 +9,6 @@ import frames
 import kit
 import numpy as np
 
-TIME_LIMIT = 180.0
 OPEN = """\
 import sys, bpy, kit, frames
 from pathlib import Path

@@ -10,8 +10,6 @@ import frames
 import kit
 import numpy as np
 
-TIME_LIMIT = 240.0
-
 
 def inside() -> list[bpy.types.NodeTree]:
     return [tree for tree in bpy.data.node_groups if tree.name.startswith(".Hush")]

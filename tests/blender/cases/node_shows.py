@@ -10,7 +10,6 @@ import frames
 import kit
 import numpy as np
 
-TIME_LIMIT = 180.0
 EXACT = 1e-5
 
 

@@ -150,6 +150,30 @@ def test_status_tells_what_changed() -> None:
     assert told(scene) == "1 of 5 frames denoised, 3 are out of date: the render changed, 1 to do"
 
 
+def test_status_after_a_run_that_was_stopped() -> None:
+    import hush
+
+    shot = kit.copy_of_shot("stopped")
+    scene = kit.build_scene(render_to=shot)
+    pattern, output = str(shot / "frame_####.exr"), str(shot / "denoised")
+    hush.denoise_sequence(pattern, output)
+    assert told(scene) == "5 of 5 frames denoised"
+    scene.hush.lam = 8.0
+    written: list[int] = []
+
+    def count(event: dict) -> None:
+        if event["event"] == "frame":
+            written.append(event["frame"])
+
+    stopped = hush.denoise_sequence(pattern, output, lam=8.0, progress=count, cancel=lambda: len(written) >= 2)
+    assert stopped["interrupted"] and 2 <= len(written) < 5, (stopped, written)
+    left = 5 - len(written)
+    told_left = f"{left} {'is' if left == 1 else 'are'} out of date: denoising was stopped"
+    assert told(scene) == f"{len(written)} of 5 frames denoised, {told_left}"
+    hush.denoise_sequence(pattern, output, lam=8.0)
+    assert told(scene) == "5 of 5 frames denoised"
+
+
 def test_status_without_frames_or_with_a_bad_manifest() -> None:
     empty = kit.folder("empty")
     scene = kit.build_scene(render_to=empty)
