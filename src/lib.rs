@@ -15,6 +15,7 @@ pub mod network;
 pub mod plan;
 pub mod shot;
 pub mod simd;
+pub mod stability;
 
 pub use engine::{Denoised, EncodedFrame, Engine, Settings};
 pub use error::{Error, Result};

@@ -14,7 +14,7 @@ use crate::simd::{Activation, Conv, Epilogue, Isa};
 const INPUTS: usize = 10;
 
 /// Half-resolution rows around a strip that its features depend on: four 3×3 convolutions.
-const HALO: usize = 4;
+pub(crate) const HALO: usize = 4;
 /// Half-resolution pixels that are encoded at once: a 1080p frame.
 const WHOLE_AREA: usize = 600_000;
 /// Half-resolution pixels of a strip of a larger frame.
