@@ -12,6 +12,8 @@ use crate::simd::{Activation, Conv, Epilogue, Isa};
 
 /// Channels at full resolution: log colour 3, albedo 3, normal 3, log depth 1.
 const INPUTS: usize = 10;
+/// The brightest that the network sees, after exposure (`BRIGHTEST` in `training/data.py`).
+const BRIGHTEST: f32 = 1e6;
 
 /// Half-resolution rows around a strip that its features depend on: four 3×3 convolutions.
 pub(crate) const HALO: usize = 4;
@@ -67,7 +69,7 @@ fn inputs(isa: Isa, frame: &PackedFrame, guides: &Guides, rows: std::ops::Range<
             let pixels = &frame.groups[0][y * columns..][..columns];
             for (x, lanes) in pixels.iter().enumerate() {
                 for c in 0..3 {
-                    logs[c * columns + x] = lanes[COLOUR + c] * frame.exposure;
+                    logs[c * columns + x] = (lanes[COLOUR + c] * frame.exposure).min(BRIGHTEST);
                 }
                 logs[3 * columns + x] = lanes[DEPTH];
             }

@@ -29,7 +29,7 @@ pub enum Hazard {
     BadVector,
     BadAlpha,
     BadLight,
-    /// A square of NaN in the centre frame alone.
+    /// A square of NaN, 30 pixels wide, in the centre frame alone.
     Hole,
     /// A square of NaN in every frame.
     HoleEverywhere,
@@ -150,7 +150,7 @@ impl Case {
             Self { frames: 1, centre: 0, window: 3, ..Self::of("shot of 1, window 3", &[]) },
             Self { frames: 7, centre: 3, window: 3, ..Self::of("window 3", &[VectorTorn]) },
         ];
-        let sizes = [("1×1", 1, 1), ("2×1", 1, 2), ("9×17", 17, 9), ("1×300", 300, 1), ("640×40", 40, 640)];
+        let sizes = [("1×1", 1, 1), ("2×1", 1, 2), ("9×17", 17, 9), ("1×300", 300, 1), ("640×24", 24, 640)];
         out.extend(sizes.map(|(name, rows, columns)| Self::sized(name, rows, columns)));
         out.push(Self { frames: 3, centre: 1, window: 1, ..Self::sized("16384×8", 8, 16384) });
         out
@@ -204,9 +204,11 @@ impl Case {
             Subnormal => frame.colour.indexed_iter_mut().for_each(|((y, x, c), v)| {
                 *v = f32::MIN_POSITIVE * random(seed, y, x, c);
             }),
-            Fireflies => frame.colour.indexed_iter_mut().filter(|((y, x, _), _)| chance(*y, *x, 0.01)).for_each(|((y, x, _), v)| {
-                *v *= 10f32.powf(6.0 + 3.0 * random(seed, y, x, 8));
-            }),
+            Fireflies => {
+                frame.colour.indexed_iter_mut().filter(|((y, x, _), _)| chance(*y, *x, 0.01)).for_each(|((y, x, _), v)| {
+                    *v *= 10f32.powf(6.0 + 3.0 * random(seed, y, x, 8));
+                })
+            }
             OneHuge => frame.colour.slice_mut(s![middle.0, middle.1, ..]).fill(1e30),
             Black => frame.colour.fill(0.0),
             Constant => {
@@ -231,7 +233,7 @@ impl Case {
             }
             Hole | HoleEverywhere => {
                 if hazard == HoleEverywhere || t == self.centre {
-                    let (rows, columns) = (middle.0.min(10), middle.1.min(10));
+                    let (rows, columns) = (middle.0.min(15), middle.1.min(15));
                     let square = s![middle.0 - rows..middle.0 + rows, middle.1 - columns..middle.1 + columns, ..];
                     frame.colour.slice_mut(square).fill(f32::NAN);
                 }

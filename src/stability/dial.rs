@@ -2,10 +2,10 @@
 
 use ndarray::Array3;
 
-use super::bench::Bench;
 use super::cases::Case;
 use super::row::{Row, Worst};
 use super::scene;
+use super::suite::Suite;
 use crate::{Engine, Error, Frame, Result};
 
 /// Where the dial is looked at.
@@ -14,27 +14,27 @@ pub const STEPS: [f32; 7] = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0];
 const DARK: f32 = 0.01;
 
 /// All rows about λ.
-pub(super) fn rows(bench: &Bench) -> Result<Vec<Row>> {
-    let mut out = vec![limits(bench)?];
+pub(super) fn rows(suite: &Suite) -> Result<Vec<Row>> {
+    let mut out = vec![limits(suite)?];
     for (name, window) in [("noisy scene, one frame alone", 0), ("noisy scene, window 2", 2)] {
-        out.push(monotone(&bench.exact, name, window)?);
+        out.push(monotone(&suite.exact, name, window)?);
     }
     Ok(out)
 }
 
 /// Counts λ outside 1…64 that are not refused (below, NaN) or not the same as 64 (above).
-fn limits(bench: &Bench) -> Result<Row> {
+fn limits(suite: &Suite) -> Result<Row> {
     let case = Case { window: 1, frames: 3, centre: 1, ..Case::random(3) };
     let frames = case.build();
-    let most = case.denoise(&bench.exact, &frames, 64.0)?.colour;
+    let most = case.denoise(&suite.exact, &frames, 64.0)?.colour;
     let mut worst = Worst::new();
     for lambda in [f32::NAN, f32::NEG_INFINITY, -1.0, 0.0, 0.5, 1.0 - f32::EPSILON] {
-        if !matches!(case.denoise(&bench.exact, &frames, lambda), Err(Error::BadSetting { name: "lambda", .. })) {
+        if !matches!(case.denoise(&suite.exact, &frames, lambda), Err(Error::BadSetting { name: "lambda", .. })) {
             worst.count(|| format!("λ {lambda} was not refused"));
         }
     }
     for lambda in [64.0 + 1e-5, 65.0, 1e30, f32::INFINITY] {
-        if !case.denoise(&bench.exact, &frames, lambda).is_ok_and(|d| d.colour == most) {
+        if !case.denoise(&suite.exact, &frames, lambda).is_ok_and(|d| d.colour == most) {
             worst.count(|| format!("λ {lambda} is not 64"));
         }
     }
@@ -69,7 +69,9 @@ fn falls(name: &str, left: &[f64]) -> Row {
     let all = left.iter().map(|v| format!("{v:.4}")).collect::<Vec<_>>().join(" ");
     let mut worst = Worst::new();
     for (pair, steps) in left.windows(2).zip(STEPS.windows(2)) {
-        worst.take((pair[0] - pair[1]).max(0.0) / left[0], || format!("λ {} to {}; noise left at 1…64: {all}", steps[0], steps[1]));
+        worst.take((pair[0] - pair[1]).max(0.0) / left[0], || {
+            format!("λ {} to {}; noise left at 1…64: {all}", steps[0], steps[1])
+        });
     }
     let mut row = worst.row(name, "noise falls as λ rises", 0.0);
     if row.place.is_empty() {
@@ -84,7 +86,14 @@ fn falls(name: &str, left: &[f64]) -> Row {
 ///
 /// # Errors
 /// Frames that the engine refuses.
-pub fn rendered(engine: &Engine, name: &str, frames: &[Frame], centre: usize, window: usize, reference: &Array3<f32>) -> Result<Row> {
+pub fn rendered(
+    engine: &Engine,
+    name: &str,
+    frames: &[Frame],
+    centre: usize,
+    window: usize,
+    reference: &Array3<f32>,
+) -> Result<Row> {
     let (rows, columns) = frames[centre].size();
     let case = Case { name: name.into(), rows, columns, frames: frames.len(), centre, window, seed: 0, hazards: Vec::new() };
     let error = |image: &Array3<f32>| {

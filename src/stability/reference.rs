@@ -114,8 +114,8 @@ fn coarse(layers: &[Layer], coarser: Option<&Layer>, logits: &RegionLogits, a: &
             (0..columns).map(one).collect()
         })
         .collect();
-    for (i, cells) in lines.into_iter().flatten().enumerate() {
-        out.mask.push(layers[0].mask[i]);
+    for cells in lines.into_iter().flatten() {
+        out.mask.push(cells.is_some());
         out.cells.extend(cells.unwrap_or_else(|| vec![Cell::default(); channels]));
     }
     out

@@ -2,11 +2,11 @@
 
 use ndarray::{Array3, Axis, Slice, s};
 
-use super::bench::Bench;
 use super::cases::Case;
 use super::checks::values;
 use super::row::{Row, Worst};
 use super::scene::MOTION;
+use super::suite::Suite;
 use crate::frame::packed::ALIGNMENT;
 use crate::{Frame, Result};
 
@@ -16,10 +16,10 @@ const SHIFT: f64 = 1e-5;
 const MIRROR: f64 = 0.25;
 
 /// All rows about symmetry.
-pub(super) fn rows(bench: &Bench) -> Result<Vec<Row>> {
-    let mut out = vec![shifts(bench)?];
+pub(super) fn rows(suite: &Suite) -> Result<Vec<Row>> {
+    let mut out = vec![shifts(suite)?];
     for (name, turn) in TURNS {
-        out.push(turned(bench, name, turn)?);
+        out.push(turned(suite, name, turn)?);
     }
     Ok(out)
 }
@@ -29,8 +29,8 @@ fn clip(rows: usize, columns: usize) -> Case {
 }
 
 /// A large scene seen through windows some multiples of eight pixels apart; compared where no border is within reach.
-fn shifts(bench: &Bench) -> Result<Row> {
-    let reach = bench.exact.reach() + (MOTION.0.abs().max(MOTION.1.abs()).ceil() as usize) + ALIGNMENT;
+fn shifts(suite: &Suite) -> Result<Row> {
+    let reach = suite.exact.reach() + (MOTION.0.abs().max(MOTION.1.abs()).ceil() as usize) + ALIGNMENT;
     let (far, inner) = (3 * ALIGNMENT, 24);
     let side = (2 * reach + inner + far).next_multiple_of(ALIGNMENT);
     let case = clip(side + far, side + far);
@@ -48,7 +48,7 @@ fn shifts(bench: &Bench) -> Result<Row> {
             out
         };
         let frames: Vec<Frame> = whole.iter().map(part).collect();
-        Ok(case.denoise(&bench.exact, &frames, 1.0)?.colour)
+        Ok(case.denoise(&suite.exact, &frames, 1.0)?.colour)
     };
     let base = seen(0, 0)?;
     let mut worst = Worst::new();
@@ -128,14 +128,14 @@ fn swap(frame: &mut Frame) {
 }
 
 /// How far the result of turned frames, turned back, lies from the result, as a share of what was taken out of the noisy frame.
-fn turned(bench: &Bench, name: &str, turn: Turn) -> Result<Row> {
+fn turned(suite: &Suite, name: &str, turn: Turn) -> Result<Row> {
     let case = clip(96, 128);
     let frames = case.build();
     let mut other = frames.clone();
     other.iter_mut().for_each(turn);
-    let mut back = Frame::new(case.denoise(&bench.exact, &other, 1.0)?.colour);
+    let mut back = Frame::new(case.denoise(&suite.exact, &other, 1.0)?.colour);
     turn(&mut back);
-    let result = values(&case.denoise(&bench.exact, &frames, 1.0)?);
+    let result = values(&case.denoise(&suite.exact, &frames, 1.0)?);
     let noisy = &frames[case.centre].colour;
     let (mut apart, mut removed) = (0.0, 0.0);
     for (i, v) in back.colour.indexed_iter() {
