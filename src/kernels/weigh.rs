@@ -143,9 +143,9 @@ fn weigh<L: Lanes>(
         let logits = &image.logits[phase * image.pitch * SEGMENT..][..image.len() * SEGMENT];
         for (offset, tap) in image.offsets[phase].iter().zip(logits.chunks_exact(SEGMENT)) {
             let usable = &image.image.data()[(start + offset) as usize..][..SEGMENT];
-            for part in 0..2 {
+            for (part, greatest) in greatest.iter_mut().enumerate() {
                 let logit = l.min(l.max(l.load(tap, 16 * part), low), high);
-                greatest[part] = l.max(greatest[part], l.fma(l.load(usable, 16 * part), above, logit));
+                *greatest = l.max(*greatest, l.fma(l.load(usable, 16 * part), above, logit));
             }
         }
     }

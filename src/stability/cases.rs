@@ -85,6 +85,9 @@ pub const HAZARDS: [Hazard; 26] = [
     Cut,
 ];
 
+/// Half the width of a hole, in pixels.
+pub(super) const HOLE: usize = 15;
+
 /// What bad pixels hold.
 const BAD: [f32; 6] = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -5.0, f32::MAX, f32::MIN];
 
@@ -233,7 +236,7 @@ impl Case {
             }
             Hole | HoleEverywhere => {
                 if hazard == HoleEverywhere || t == self.centre {
-                    let (rows, columns) = (middle.0.min(15), middle.1.min(15));
+                    let (rows, columns) = (middle.0.min(HOLE), middle.1.min(HOLE));
                     let square = s![middle.0 - rows..middle.0 + rows, middle.1 - columns..middle.1 + columns, ..];
                     frame.colour.slice_mut(square).fill(f32::NAN);
                 }

@@ -2,7 +2,7 @@
 
 use ndarray::Array3;
 
-use super::cases::{Case, Hazard};
+use super::cases::{Case, HOLE, Hazard};
 use super::reference::Reference;
 use super::row::{Row, Worst};
 use super::suite::Suite;
@@ -88,8 +88,9 @@ pub(super) fn rows(suite: &Suite, case: &Case) -> Vec<Row> {
 }
 
 impl Case {
+    /// Whether there is a hole, usable pixels on both its sides, and nothing else that is odd.
     fn has_a_hole(&self) -> bool {
-        self.hazards == [Hazard::Hole] || self.hazards == [Hazard::HoleEverywhere]
+        self.rows.max(self.columns) > 2 * HOLE + 1 && (self.hazards == [Hazard::Hole] || self.hazards == [Hazard::HoleEverywhere])
     }
 
     /// The frames around the centre.

@@ -21,28 +21,40 @@ pub use suite::Suite;
 use crate::Result;
 use crate::network::weights::Weights;
 
-/// Every check: its name, the unit of its bound and worst, and what it promises.
-pub const CHECKS: [(&str, &str, &str); 16] = [
-    ("image", "values", "colour is finite and not negative, alpha is 0…1, light passes are finite"),
-    ("range", "relative", "every value lies between the least and greatest that its taps could give"),
-    ("float64", "relative", "the kernel stage agrees with one in float64 from the same logits"),
-    ("left out", "float16 steps", "what the plan leaves out changes no more than half a step"),
-    ("threads and tiles", "values", "the same bits on one thread, on all, and in the smallest tiles"),
-    ("AVX2 and AVX-512", "values", "the same bits"),
-    ("portable", "relative", "the portable path agrees"),
-    (
+/// What a check is about.
+pub struct Check {
+    pub name: &'static str,
+    /// Of its bound and its worst.
+    pub unit: &'static str,
+    pub promise: &'static str,
+}
+
+const fn check(name: &'static str, unit: &'static str, promise: &'static str) -> Check {
+    Check { name, unit, promise }
+}
+
+/// Every check, in the table's order.
+pub const CHECKS: [Check; 16] = [
+    check("image", "values", "colour is finite and not negative, alpha is 0…1, light passes are finite"),
+    check("range", "relative", "every value lies between the least and the greatest that its taps could give"),
+    check("float64", "relative", "the kernel stage agrees with one in float64 from the same logits"),
+    check("left out", "float16 steps", "what the plan leaves out changes no more than half a step"),
+    check("threads and tiles", "values", "the same bits on one thread, on all, and in the smallest tiles"),
+    check("AVX2 and AVX-512", "values", "the same bits"),
+    check("portable", "relative", "the portable path agrees"),
+    check(
         "exposure",
         "relative",
-        "2ᵏ times the light in, 2ᵏ times the light out, k from −10 to 10, for frames that are brighter than 1e-27 somewhere",
+        "2ᵏ times the light in, 2ᵏ times the light out, k from −10 to 10, where a frame has light above 1e-27",
     ),
-    ("filled", "values", "holes of bad pixels up to 30 pixels wide are filled, whatever the neighbours have"),
-    ("shift by 8", "relative", "a frame moved by a multiple of 8 pixels gives the result, moved, away from the borders"),
-    ("one pixel of 1e30", "share of the noise", "changes little from 20 pixels away"),
-    ("mirrored left to right", "share of the noise", "differs little; the same is not promised"),
-    ("mirrored top to bottom", "share of the noise", "differs little; the same is not promised"),
-    ("red and blue swapped", "share of the noise", "differs little; the same is not promised"),
-    ("refused or clamped", "values", "λ below 1 and NaN are refused, above 64 is 64"),
-    ("noise falls as λ rises", "share of the noise at λ 1", "never"),
+    check("filled", "values", "holes of bad pixels up to 30 pixels wide are filled, whatever the neighbours have"),
+    check("shift by 8", "relative", "a frame moved by a multiple of 8 pixels gives the result, moved, away from the borders"),
+    check("one pixel of 1e30", "share of the noise", "changes little from 24 pixels away"),
+    check("mirrored left to right", "share of the noise", "differs little; the same is not promised"),
+    check("mirrored top to bottom", "share of the noise", "differs little; the same is not promised"),
+    check("red and blue swapped", "share of the noise", "differs little; the same is not promised"),
+    check("refused or clamped", "values", "λ below 1 and NaN are refused, above 64 is 64"),
+    check("noise falls as λ rises", "share of the noise at λ 1", "never"),
 ];
 
 /// Runs the whole table on one set of weights; see [`Suite::table`].
@@ -56,6 +68,6 @@ pub fn run(weights: &Weights, made_up: u64, progress: &dyn Fn(usize, usize, &str
 /// The worst row of each check, in the order of [`CHECKS`]: by how far it is over its bound, or how close to it.
 pub fn summary(rows: &[Row]) -> Vec<Row> {
     let share = |row: &Row| if row.bound > 0.0 { row.worst / row.bound } else { row.worst };
-    let worst = |check: &str| rows.iter().filter(|r| r.check == check).max_by(|a, b| share(a).total_cmp(&share(b)));
-    CHECKS.iter().filter_map(|(check, _, _)| worst(check).cloned()).collect()
+    let worst = |name: &str| rows.iter().filter(|r| r.check == name).max_by(|a, b| share(a).total_cmp(&share(b)));
+    CHECKS.iter().filter_map(|check| worst(check.name).cloned()).collect()
 }
