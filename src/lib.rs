@@ -19,6 +19,7 @@ mod python;
 pub mod settings;
 pub mod shot;
 pub mod simd;
+pub mod stability;
 pub mod watch;
 
 pub use engine::{Denoised, EncodedFrame, Engine, Settings};

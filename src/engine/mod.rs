@@ -343,4 +343,5 @@ struct Stages {
 #[cfg(test)]
 mod golden_tests;
 mod paths;
+pub(crate) mod probe;
 mod unpack;

@@ -65,6 +65,13 @@ pub struct Weights {
     scales: Vec<f32>,
 }
 
+impl Weights {
+    /// One over each pixel's sum of weights, [phase][32]; zero where no tap was usable.
+    pub fn scales(&self) -> &[f32] {
+        &self.scales
+    }
+}
+
 /// Softmax over the images' taps, those outside the mask left out, and the weighted sums of `channels`: `out` [channel][phase][32].
 ///
 /// `y`, `x` count the images' pixels (half-resolution pixels where they have four phases); `mask` is the mask's channel.
