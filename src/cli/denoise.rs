@@ -1,15 +1,15 @@
 //! `hush denoise`: arguments to a job, the run, its exit code.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 
 use super::job_args::JobArgs;
 use super::progress::{Mode, Progress};
-use super::{Exit, print, print_json, say};
-use crate::error::{Error, Result};
+use super::{Exit, print, print_json, stop_on_signal};
+use crate::error::Result;
 use crate::io::sequence::Sequence;
-use crate::shot::{Action, CancelToken, Event, Job, Plan, Summary, remove_unfinished, run};
+use crate::shot::{Action, CancelToken, Event, Job, Plan, Summary, run};
 
 /// Denoises the frames of a shot
 ///
@@ -72,23 +72,9 @@ fn denoise_with(args: &DenoiseArgs, mode: Mode, progress: &Progress) -> Result<E
     }
     let engine = args.job.engine()?;
     let cancel = CancelToken::new();
-    stop_on_signal(&cancel, &job.output)?;
+    stop_on_signal(&cancel, Some(&job.output))?;
     let summary = run(&job, &engine, &|event| progress.report(&event), &cancel)?;
     Ok(exit_of(&summary))
-}
-
-/// The first signal lets the frame in hand be finished, the second ends the process at once.
-fn stop_on_signal(cancel: &CancelToken, output: &Path) -> Result<()> {
-    let (cancel, output) = (cancel.clone(), output.to_path_buf());
-    let handler = move || {
-        if cancel.is_cancelled() {
-            remove_unfinished(&output);
-            std::process::exit(Exit::Stopped as i32);
-        }
-        cancel.cancel();
-        say("stopping after the frame in hand; once more stops at once");
-    };
-    ctrlc::set_handler(handler).map_err(|e| Error::BadInput { input: "signal handler".into(), reason: e.to_string() })
 }
 
 fn exit_of(summary: &Summary) -> Exit {
@@ -133,6 +119,7 @@ fn show(job: &Job, plan: &Plan) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::Error;
 
     fn summary(frames: usize, written: usize, skipped: usize) -> Summary {
         Summary { frames, written, skipped, ..Summary::default() }

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::size::parse_size;
+use super::skip_args::SkipArgs;
 use crate::engine::{Engine, Settings};
 use crate::error::{Error, Result};
 use crate::io::sequence::Sequence;
@@ -64,6 +65,8 @@ pub(super) struct JobArgs {
     /// Other weights, a safetensors file
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
+    #[command(flatten)]
+    skip: SkipArgs,
 }
 
 impl JobArgs {
@@ -84,6 +87,7 @@ impl JobArgs {
             window: self.window,
             selection,
             keep_noisy: self.keep_noisy,
+            skip: self.skip.skip()?,
             model: self.model.as_deref().map_or(Ok(ModelId::embedded()), ModelId::of_file)?,
             ..Job::new(sequence, &self.output)
         })
@@ -95,7 +99,7 @@ impl JobArgs {
             let built = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads)).build_global();
             built.map_err(|e| Error::BadSetting { name: "threads", reason: e.to_string() })?;
         }
-        let settings = Settings { memory: self.memory, ..Settings::default() };
+        let settings = Settings { memory: self.memory, skip: self.skip.skip()?, ..Settings::default() };
         match &self.model {
             Some(path) => Engine::from_file(path, settings),
             None => Engine::new(settings),

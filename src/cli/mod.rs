@@ -4,15 +4,22 @@ mod denoise;
 mod eval;
 mod inspect;
 mod job_args;
+mod plan;
 mod progress;
+mod shot_args;
 mod size;
+mod skip_args;
 
 use std::ffi::OsString;
 use std::io::Write;
+use std::path::Path;
 use std::process::ExitCode;
 
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
+
+use crate::error::{Error, Result};
+use crate::shot::{CancelToken, remove_unfinished};
 
 const EXIT_CODES: &str = "Exit codes:
   0    every frame asked for is there, written now or before
@@ -33,6 +40,7 @@ enum Command {
     Denoise(Box<denoise::DenoiseArgs>),
     Inspect(inspect::InspectArgs),
     Eval(eval::EvalArgs),
+    Plan(Box<plan::PlanArgs>),
 }
 
 /// Why the process ends as it does.
@@ -64,6 +72,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Denoise(args) => denoise::denoise(&args),
         Command::Inspect(args) => inspect::inspect_files(&args),
         Command::Eval(args) => eval::eval(&args),
+        Command::Plan(args) => plan::plan(&args),
     };
     exit.unwrap_or_else(|error| {
         say_error(&error);
@@ -93,6 +102,20 @@ fn print_json(value: &impl serde::Serialize) {
         Ok(text) => print(text),
         Err(error) => say_error(&error),
     }
+}
+
+/// The first signal lets what is in hand be finished, the second removes what `output` holds unfinished and ends the process.
+fn stop_on_signal(cancel: &CancelToken, output: Option<&Path>) -> Result<()> {
+    let (cancel, output) = (cancel.clone(), output.map(Path::to_path_buf));
+    let handler = move || {
+        if cancel.is_cancelled() {
+            output.iter().for_each(|folder| remove_unfinished(folder));
+            std::process::exit(Exit::Stopped as i32);
+        }
+        cancel.cancel();
+        say("stopping after the frame in hand; once more stops at once");
+    };
+    ctrlc::set_handler(handler).map_err(|e| Error::BadInput { input: "signal handler".into(), reason: e.to_string() })
 }
 
 #[cfg(test)]

@@ -17,7 +17,9 @@ mod manifest;
 mod output;
 mod prepare;
 mod run;
+mod scope;
 mod source;
+mod survey;
 
 pub use cancel::CancelToken;
 pub use events::{Event, Status, Summary};
@@ -26,3 +28,5 @@ pub use manifest::{Entry, MANIFEST, MANIFEST_VERSION, Manifest, NeighbourEntry, 
 pub use output::remove_unfinished;
 pub use prepare::{Action, Plan, PlannedFrame};
 pub use run::run;
+pub use scope::Scope;
+pub use survey::{RuleSummary, Survey, SurveyedFrame, Timing, Unread, survey};
