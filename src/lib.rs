@@ -2,7 +2,7 @@
 //!
 //! A temporal, multi-scale, kernel-predicting denoiser after Vogels et al. 2018, "Denoising with Kernel Prediction and
 //! Asymmetric Loss Functions". Data flows one way: [`io`] → [`frame`] → [`plan`] → [`network`] → [`kernels`] → [`io`];
-//! [`engine`] runs that chain over a window of frames in memory, [`shot`] over the files of a shot.
+//! [`engine`] runs that chain over a window of frames in memory, [`shot`] over the files of a shot; [`report`] measures it.
 
 pub mod cli;
 pub mod engine;
@@ -13,6 +13,7 @@ pub mod kernels;
 pub mod metrics;
 pub mod network;
 pub mod plan;
+pub mod report;
 pub mod shot;
 pub mod simd;
 

@@ -6,6 +6,7 @@ mod inspect;
 mod job_args;
 mod plan;
 mod progress;
+mod report;
 mod shot_args;
 mod size;
 mod skip_args;
@@ -41,6 +42,7 @@ enum Command {
     Inspect(inspect::InspectArgs),
     Eval(eval::EvalArgs),
     Plan(Box<plan::PlanArgs>),
+    Report(Box<report::ReportArgs>),
 }
 
 /// Why the process ends as it does.
@@ -73,6 +75,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Inspect(args) => inspect::inspect_files(&args),
         Command::Eval(args) => eval::eval(&args),
         Command::Plan(args) => plan::plan(&args),
+        Command::Report(args) => report::report(&args),
     };
     exit.unwrap_or_else(|error| {
         say_error(&error);

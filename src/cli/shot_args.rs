@@ -23,10 +23,10 @@ pub(super) struct ShotArgs {
     pub frames: Option<FrameSet>,
     /// View layer [default: the one with the most samples]
     #[arg(long, value_name = "NAME")]
-    layer: Option<String>,
+    pub layer: Option<String>,
     /// Stereo view
     #[arg(long, value_name = "NAME")]
-    view: Option<String>,
+    pub view: Option<String>,
     /// View layer to take the Vector pass from, such as one without motion blur
     #[arg(long, value_name = "NAME")]
     vector_layer: Option<String>,

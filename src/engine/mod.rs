@@ -158,6 +158,11 @@ impl Engine {
         Ok(EncodedFrame { ranges: Ranges::new(&packed), packed, features: Features::new(0, 0, 0) })
     }
 
+    /// The instruction set of the kernels.
+    pub fn isa(&self) -> Isa {
+        self.isa
+    }
+
     /// Seconds spent in each stage since the engine was made, in the order of [`STAGES`].
     pub fn stage_seconds(&self) -> [f64; STAGES.len()] {
         self.clock.seconds()
