@@ -7,7 +7,7 @@ use super::shot_args::ShotArgs;
 use super::skip_args::SkipArgs;
 use super::{Exit, print, print_json, say, stop_on_signal};
 use crate::error::{Error, Result};
-use crate::plan::skip::Rule;
+use crate::plan::skip::{LeftOut, Rule};
 use crate::shot::{CancelToken, RuleSummary, Scope, Survey, survey};
 
 /// Tells what is left out of a shot, why, and the time that it saves
@@ -83,19 +83,24 @@ fn lines(found: &Survey) -> Vec<String> {
             }
         }
     }
+    let nothing = found.frames.iter().flat_map(|f| &f.left_out).all(|l| *l == LeftOut::default());
+    if nothing {
+        out.extend([String::new(), "Nothing is left out, so no time is saved.".into()]);
+    }
     if let Some(time) = &found.time {
         out.push(String::new());
         out.push(format!(
-            "Time for frame {} (its share is the median), {} tries in turn: {:.2} s instead of {:.2} s.",
-            time.frame, time.tries, time.with, time.without
+            "Frame {}, the one in the middle by what is left out: {:.2} s instead of {:.2} s (the least of {} tries in turn).",
+            time.frame, time.with, time.without, time.tries
         ));
-        let change = 100.0 * (1.0 - time.with / time.without.max(1e-9));
+        let change = 100.0 * (1.0 - time.shot_with / time.shot_without.max(1e-9));
+        let (share, way) = (change.abs(), if change >= 0.0 { "less" } else { "more" });
         out.push(format!(
-            "Over the shot about {:.1} s instead of {:.1} s, {:.0} % {}.",
+            "The shot, with something left out of {} of {}: about {:.1} s instead of {:.1} s, {share:.0} % {way}.",
+            time.frames,
+            plural(count, "frame"),
             time.shot_with,
             time.shot_without,
-            change.abs(),
-            if change >= 0.0 { "less" } else { "more" }
         ));
     }
     out

@@ -58,6 +58,10 @@ pub(super) fn report(args: &ReportArgs) -> Result<Exit> {
     };
     let cancel = CancelToken::new();
     stop_on_signal(&cancel, Some(&args.output))?;
+    if !args.quiet {
+        let peer = if options.oidn.is_some() { " and OIDN" } else { "" };
+        say(format_args!("{}: measuring Hush's settings{peer}, {} times each", scope.name, args.repeats));
+    }
     let bar = ProgressBar::with_draw_target(Some(0), ProgressDrawTarget::hidden());
     if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} runs · {eta} left") {
         bar.set_style(style);

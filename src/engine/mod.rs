@@ -4,6 +4,8 @@ use clock::Clock;
 pub use clock::{STAGES, Stage};
 use ndarray::{Array2, Array3, s};
 use paths::{Path, paths};
+use settings::check_levels;
+pub use settings::{LEVELS, Settings};
 use unpack::{own_pixels, unpack};
 
 use crate::error::{Error, Result};
@@ -32,30 +34,6 @@ use crate::simd::{Activation, Isa, keep_at_most};
 const MEMORY: u64 = 3200 << 20;
 /// What one tile takes at most and at least, whatever is allowed: a whole 1080p frame with a ±2 window takes about the most.
 const TILE_MEMORY: (u64, u64) = (320 << 20, 1 << 30);
-
-/// Levels of the kernels' pyramid.
-pub const LEVELS: usize = 3;
-
-/// How to denoise.
-#[derive(Clone, Debug)]
-pub struct Settings {
-    /// Bytes that the frames in the window and the buffers of one tile may take together; None is 3.1 GiB, and 320 MiB for a tile
-    /// in any case. Less memory means more and smaller tiles, and the same bits.
-    pub memory: Option<u64>,
-    /// What may be left out.
-    pub skip: Skip,
-    /// Levels of the kernels' pyramid that are used, 1 to 3. Below 3 the coarsest are not computed, and the kernels do without
-    /// their taps: faster, and what is noisy over many pixels stays so. The network was trained with 3.
-    pub levels: usize,
-    /// The instruction set; None is the fastest. AVX2 and AVX-512 give the same bits, the portable path agrees to 1e-4.
-    pub isa: Option<Isa>,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self { memory: None, skip: Skip::default(), levels: LEVELS, isa: None }
-    }
-}
 
 /// What one frame's denoising holds, in bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -368,11 +346,6 @@ impl Engine {
     }
 }
 
-fn check_levels(levels: usize) -> Result<()> {
-    let fits = (1..=LEVELS).contains(&levels);
-    fits.then_some(()).ok_or_else(|| Error::BadSetting { name: "levels", reason: format!("{levels} is not in 1…{LEVELS}") })
-}
-
 /// What is computed of one frame, and from what.
 struct FramePlan<'a> {
     centre: &'a EncodedFrame,
@@ -414,4 +387,5 @@ mod clock;
 #[cfg(test)]
 mod golden_tests;
 mod paths;
+mod settings;
 mod unpack;

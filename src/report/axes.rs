@@ -19,18 +19,30 @@ pub struct Panel {
 }
 
 impl Panel {
+    /// Whether equal ratios are equally far apart: where the values lie far apart and above 0.
+    fn is_logarithmic(&self) -> bool {
+        self.y.0 > 0.0 && self.y.1 > 2.0 * self.y.0
+    }
+
     /// Where a value lies.
     pub fn at(&self, x: f64, y: f64) -> (f64, f64) {
         let share = |v: f64, (low, high): (f64, f64)| if high > low { (v - low) / (high - low) } else { 0.5 };
-        (self.left + share(x, self.x) * self.width, self.top + (1.0 - share(y, self.y)) * self.height)
+        let up = if self.is_logarithmic() { share(y.ln(), (self.y.0.ln(), self.y.1.ln())) } else { share(y, self.y) };
+        (self.left + share(x, self.x) * self.width, self.top + (1.0 - up) * self.height)
     }
 
     /// Grid lines, numbers, and what the axes are called.
     pub fn frame(&self, across: &str, up: &str, whole: bool) -> Vec<Shape> {
         let mut out = Vec::new();
         let text = |x: f64, y: f64, text: String, anchor: Anchor, ink: Ink| Shape::Text { x, y, text, size: SMALL, anchor, ink };
-        for (value, label) in ticks(self.y, 5, false) {
+        let (mut before, logarithmic) = (f64::INFINITY, self.is_logarithmic());
+        for (value, label) in ticks(self.y, if logarithmic { 14 } else { 6 }, false) {
             let (_, y) = self.at(self.x.0, value);
+            // On a logarithmic scale the upper ones come too close.
+            if before - y < 18.0 {
+                continue;
+            }
+            before = y;
             let points = vec![(self.left, y), (self.left + self.width, y)];
             out.push(Shape::Line { points, ink: Ink::Grid, width: 1.0, dashed: false });
             out.push(text(self.left - 8.0, y + 4.0, label, Anchor::End, Ink::Muted));
@@ -43,7 +55,8 @@ impl Panel {
         }
         let points = vec![(self.left, bottom), (self.left + self.width, bottom)];
         out.push(Shape::Line { points, ink: Ink::Muted, width: 1.0, dashed: false });
-        out.push(text(self.left, self.top - 10.0, up.into(), Anchor::Start, Ink::Text));
+        let scale = if logarithmic { " (logarithmic)" } else { "" };
+        out.push(text(self.left, self.top - 10.0, format!("{up}{scale}"), Anchor::Start, Ink::Text));
         out.push(text(self.left + self.width, bottom + 34.0, across.into(), Anchor::End, Ink::Muted));
         out
     }
@@ -66,9 +79,10 @@ pub fn ticks((low, high): (f64, f64), count: usize, whole: bool) -> Vec<(f64, St
         return vec![(low, number(low))];
     }
     let power = 10f64.powf(rough.log10().floor());
-    let step = [1.0, 2.0, 5.0, 10.0].into_iter().map(|f| f * power).find(|s| *s >= rough * 0.999).unwrap_or(10.0 * power);
+    let step = [1.0, 2.0, 2.5, 5.0, 10.0].into_iter().map(|f| f * power).find(|s| *s >= rough * 0.999).unwrap_or(10.0 * power);
     let step = if whole { step.max(1.0).round() } else { step };
-    let digits = (-(step.log10().floor())).clamp(0.0, 9.0) as usize;
+    let fine = usize::from((step / power - 2.5).abs() < 1e-9);
+    let digits = (-(step.log10().floor())).clamp(0.0, 9.0) as usize + if whole { 0 } else { fine };
     let first = (low / step - 1e-9).ceil() as i64;
     let last = (high / step + 1e-9).floor() as i64;
     (first..=last.min(first + 50)).map(|i| i as f64 * step).map(|v| (v, format!("{v:.digits$}"))).collect()
@@ -129,6 +143,24 @@ pub fn place(labels: &[Label], right: f64, (top, bottom): (f64, f64)) -> Vec<Vec
     out
 }
 
+/// Heights at least `gap` apart, as near to those given as may be, in their order; between `top` and `bottom` while they fit.
+pub fn stack(heights: &[f64], gap: f64, (top, bottom): (f64, f64)) -> Vec<f64> {
+    let mut order: Vec<usize> = (0..heights.len()).collect();
+    order.sort_by(|a, b| heights[*a].total_cmp(&heights[*b]));
+    let mut out = heights.to_vec();
+    let mut least = top;
+    for &i in &order {
+        out[i] = out[i].max(least);
+        least = out[i] + gap;
+    }
+    let mut most = bottom;
+    for &i in order.iter().rev() {
+        out[i] = out[i].min(most);
+        most = out[i] - gap;
+    }
+    out
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -138,6 +170,7 @@ mod tests {
         let texts = |range, whole| ticks(range, 5, whole).into_iter().map(|t| t.1).collect::<Vec<_>>();
         assert_eq!(texts((0.0, 1.0), false), ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
         assert_eq!(texts((0.0371, 0.0449), false), ["0.038", "0.040", "0.042", "0.044"]);
+        assert_eq!(texts((0.0, 0.011), false), ["0.0000", "0.0025", "0.0050", "0.0075", "0.0100"]);
         assert_eq!(texts((4.0, 5.0), true), ["4", "5"]);
         assert_eq!(texts((2.0, 2.0), false), ["2.00"]);
         assert_eq!(texts((-0.001, 0.004), false).len(), 6);
@@ -161,6 +194,20 @@ mod tests {
             }
         }
         assert!(boxes[3].0 + text_width("window 2", SMALL) < 290.0, "to the left of a place at the right edge");
+    }
+
+    #[test]
+    fn stacked_heights_keep_their_order_and_distance() {
+        assert_eq!(stack(&[50.0, 10.0, 51.0], 13.0, (0.0, 100.0)), [50.0, 10.0, 63.0]);
+        assert_eq!(stack(&[98.0, 99.0, 97.0], 13.0, (0.0, 100.0)), [87.0, 100.0, 74.0]);
+    }
+
+    #[test]
+    fn far_apart_values_are_drawn_by_ratio() {
+        let panel = |y: (f64, f64)| Panel { left: 0.0, top: 0.0, width: 100.0, height: 100.0, x: (0.0, 1.0), y };
+        assert!((panel((1.0, 100.0)).at(0.0, 10.0).1 - 50.0).abs() < 1e-9);
+        assert!((panel((1.0, 2.0)).at(0.0, 1.5).1 - 50.0).abs() < 1e-9);
+        assert!((panel((-1.0, 3.0)).at(0.0, 1.0).1 - 50.0).abs() < 1e-9, "below 0 there are no ratios");
     }
 
     #[test]

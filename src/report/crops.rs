@@ -82,14 +82,14 @@ impl Crops {
             let cut = s![row..row + high, column..column + wide, ..];
             let truth = reference.unwrap_or(own).slice(cut);
             let mut made: Vec<Picture> = Vec::new();
+            if let Some(reference) = reference {
+                made.push(Picture { name: "reference".into(), image: shown(reference.slice(cut), gain), error: None });
+            }
             for (candidate, image) in pictures {
                 let tile = image.slice(cut);
                 let same = reference.is_none() && candidate.default;
                 let error = (!same).then(|| (mean_error(tile, truth, gain), false_colours(tile, truth, gain)));
                 made.push(Picture { name: candidate.name.clone(), image: shown(tile, gain), error });
-            }
-            if let Some(reference) = reference {
-                made.push(Picture { name: "reference".into(), image: shown(reference.slice(cut), gain), error: None });
             }
             let against_reference = reference.is_some();
             CropSet { which, frame, row, column, rows: high, columns: wide, against_reference, pictures: made }
@@ -188,9 +188,10 @@ mod tests {
         assert_eq!(sets.iter().map(|s| s.which).collect::<Vec<_>>(), ["worst", "median"]);
         let worst = &sets[0];
         assert_eq!((worst.frame, worst.row, worst.column), (1, 64, 128));
-        assert_eq!(worst.pictures.iter().map(|p| p.name.as_str()).collect::<Vec<_>>(), ["noisy", "window 2", "reference"]);
-        assert!(worst.pictures[1].error.as_ref().unwrap().0 > sets[1].pictures[1].error.as_ref().unwrap().0);
-        assert_eq!(worst.pictures[0].error.as_ref().unwrap().0, 0.0);
+        assert_eq!(worst.pictures.iter().map(|p| p.name.as_str()).collect::<Vec<_>>(), ["reference", "noisy", "window 2"]);
+        assert!(worst.pictures[2].error.as_ref().unwrap().0 > sets[1].pictures[2].error.as_ref().unwrap().0);
+        assert_eq!(worst.pictures[1].error.as_ref().unwrap().0, 0.0);
+        assert!(worst.pictures[0].error.is_none());
         assert!(worst.pictures.iter().all(|p| p.image.starts_with(b"\x89PNG")));
     }
 

@@ -17,6 +17,10 @@ pub enum Ink {
     Series(usize),
 }
 
+/// What is drawn on, by light and by dark, in the page as well.
+const PAPER: &str = "#fff";
+const DARK_PAPER: &str = "#16181c";
+
 /// Colours of series, (light, dark).
 pub const SERIES: [(&str, &str); 12] = [
     ("#8a8f98", "#8a919c"),
@@ -73,7 +77,7 @@ pub enum Shape {
     Disc { x: f64, y: f64, radius: f64, ink: Ink, hollow: bool },
     /// A filled rectangle.
     Bar { x: f64, y: f64, width: f64, height: f64, ink: Ink },
-    /// Words; `y` is their baseline.
+    /// Words with a halo of the paper's colour; `y` is their baseline.
     Text { x: f64, y: f64, text: String, size: f64, anchor: Anchor, ink: Ink },
 }
 
@@ -114,7 +118,7 @@ impl Drawing {
 
     /// A file of its own.
     pub fn file(&self) -> String {
-        let style = format!("<style>svg{{background:#fff}}{}</style>", styles());
+        let style = format!("<style>{}</style>", styles());
         format!("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n{}", self.svg(" xmlns=\"http://www.w3.org/2000/svg\"", &style))
     }
 
@@ -170,7 +174,7 @@ fn write_shape(out: &mut String, shape: &Shape) {
             let (class, text) = (ink.class(), escape(text));
             write!(
                 out,
-                "<text class=\"f {class}\" x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"{size}\" text-anchor=\"{anchor}\">{text}</text>"
+                "<text class=\"f h {class}\" x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"{size}\" text-anchor=\"{anchor}\">{text}</text>"
             )
         }
     };
@@ -186,8 +190,9 @@ pub fn styles() -> String {
         let _ = write!(dark, ".l.{class}{{stroke:{night}}}.f.{class},.b.{class}{{fill:{night};background:{night}}}");
     }
     format!(
-        "svg{{font-family:'DejaVu Sans',Verdana,sans-serif}}.l{{fill:none;stroke-linejoin:round}}{light}\
-         @media (prefers-color-scheme:dark){{svg{{background:none}}{dark}}}"
+        "svg{{font-family:'DejaVu Sans',Verdana,sans-serif;background:{PAPER}}}.l{{fill:none;stroke-linejoin:round}}\
+         .h{{paint-order:stroke;stroke:{PAPER};stroke-width:4px;stroke-linejoin:round}}{light}\
+         @media (prefers-color-scheme:dark){{svg{{background:{DARK_PAPER}}}.h{{stroke:{DARK_PAPER}}}{dark}}}"
     )
 }
 

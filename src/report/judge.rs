@@ -170,6 +170,7 @@ impl<'a> Judge<'a> {
                 }
             }
             let before = self.previous.as_ref().and_then(|p| Some((p, p.outputs.get(i)?.as_ref()?)));
+            let before = before.filter(|(_, picture)| picture.dim() == output.dim());
             let errors = match &current.reference {
                 Some(reference) => against(reference, output, current, before)?,
                 None => [None, estimate.map(|e| e.relmse), change(output, current, before)?],
@@ -246,7 +247,7 @@ fn against(
 
 /// How much the picture changes along the motion: flicker beside a black reference.
 fn change(output: &Array3<f32>, current: &Current, before: Option<(&Current, &Array3<f32>)>) -> Result<Option<f64>> {
-    let Some((_, picture)) = before.filter(|(_, p)| p.dim() == output.dim()) else { return Ok(None) };
+    let Some((_, picture)) = before else { return Ok(None) };
     let (black, gain) = (Array3::zeros(output.dim()), current.gain);
     let (now, then) = (output.mapv(|v| v * gain), picture.mapv(|v| v * gain));
     let previous = Pair::new(black.view(), then.view(), Scaling::None)?;

@@ -47,8 +47,7 @@ impl Machine {
     /// Notes how it ended.
     pub fn finish(&mut self) {
         self.load_after = load();
-        let kib = field("/proc/self/status", "VmHWM").and_then(|v| v.split_whitespace().next()?.parse::<u64>().ok());
-        self.peak_bytes = kib.map(|kib| kib * 1024);
+        self.peak_bytes = peak_of("self");
     }
 
     /// Whether other programs kept the processor busy: `load_before` holds none of this process.
@@ -63,6 +62,12 @@ fn field(path: &str, name: &str) -> Option<String> {
     let text = std::fs::read_to_string(path).ok()?;
     let line = text.lines().find(|l| l.starts_with(name))?;
     line.split_once(':').map(|(_, value)| value.trim().to_owned())
+}
+
+/// Peak resident bytes of a process (its number, or `self`), where the system tells.
+pub fn peak_of(process: &str) -> Option<u64> {
+    let value = field(&format!("/proc/{process}/status"), "VmHWM")?;
+    value.split_whitespace().next()?.parse::<u64>().ok().map(|kib| kib * 1024)
 }
 
 fn load() -> Option<f64> {

@@ -296,13 +296,8 @@ impl Run<'_> {
 
     fn finish(mut self, machine: Machine, options: &Options, of_frames: usize) -> Measured {
         let (basis, count) = (self.judge.basis(), self.measured.len().max(1) as f64);
-        match &options.oidn {
-            None => self.remarks.push("OIDN was not measured: oidnDenoise is not installed, or was switched off.".into()),
-            Some(_) => self.remarks.push(
-                "OIDN's time is its filter's alone by its own clock, the second run in a row, with as many threads; starting it and its \
-                 files are not in it, as they are not in Hush's."
-                    .into(),
-            ),
+        if options.oidn.is_none() {
+            self.remarks.push("OIDN was not measured: oidnDenoise is not installed, or was switched off.".into());
         }
         if machine.was_busy() {
             let text = "Other programs kept the machine busy: the times are longer than they need be, and only their ratios tell something.";

@@ -1,16 +1,21 @@
 //! Open Image Denoise, where it is installed: its own command-line tool, fed with PFM files.
 
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::time::Duration;
 
 use ndarray::Array3;
 
+use super::machine::peak_of;
 use super::pfm;
 use crate::error::{Error, Result};
 use crate::frame::Frame;
 
 /// The tool's name.
 const TOOL: &str = "oidnDenoise";
+/// How often the running tool is looked at.
+const POLL: Duration = Duration::from_millis(10);
 /// Prints the folder of the tool that the Python package brings along.
 const ASK_PYTHON: &str = "import importlib.util as u, pathlib as p; print(p.Path(u.find_spec('pyoidn').origin).parent / 'oidn')";
 
@@ -80,7 +85,7 @@ impl Oidn {
             let all = std::env::join_paths(std::iter::once(libraries.clone()).chain(std::env::split_paths(&own)));
             command.env("LD_LIBRARY_PATH", all.unwrap_or_else(|_| libraries.into()));
         }
-        let (text, peak) = self.finish(command)?;
+        let (text, peak) = self.finish(command, scratch)?;
         let seconds = milliseconds(&text).ok_or_else(|| self.failed("printed no time"))? / 1000.0;
         let colour = pfm::read(&name("result"))?;
         if colour.dim() != frame.colour.dim() {
@@ -90,13 +95,28 @@ impl Oidn {
     }
 
     /// Runs the tool to its end: what it printed, and its peak memory.
-    fn finish(&self, mut command: Command) -> Result<(String, Option<u64>)> {
-        let output = command.stdin(Stdio::null()).output().map_err(|e| Error::io(&self.program, e))?;
-        if !output.status.success() {
-            let said = String::from_utf8_lossy(&output.stderr);
-            return Err(self.failed(format!("failed ({}): {}", output.status, said.trim())));
+    fn finish(&self, mut command: Command, scratch: &Path) -> Result<(String, Option<u64>)> {
+        let log = |name: &str| {
+            let path = scratch.join(name);
+            File::create(&path).map_err(|e| Error::io(&path, e))
+        };
+        command.stdin(Stdio::null()).stdout(log("printed")?).stderr(log("complained")?);
+        let mut child = command.spawn().map_err(|e| Error::io(&self.program, e))?;
+        let mut peak = None;
+        let status = loop {
+            match child.try_wait().map_err(|e| Error::io(&self.program, e))? {
+                Some(status) => break status,
+                // What the system tells of a child that has ended counts this process's memory, too.
+                None => peak = peak_of(&child.id().to_string()).or(peak),
+            }
+            std::thread::sleep(POLL);
+        };
+        let read =
+            |name: &str| std::fs::read(scratch.join(name)).map(|b| String::from_utf8_lossy(&b).into_owned()).unwrap_or_default();
+        if !status.success() {
+            return Err(self.failed(format!("failed ({status}): {}", read("complained").trim())));
         }
-        Ok((String::from_utf8_lossy(&output.stdout).into_owned(), children_peak()))
+        Ok((read("printed"), peak))
     }
 
     fn failed(&self, reason: impl Into<String>) -> Error {
@@ -123,21 +143,6 @@ fn milliseconds(text: &str) -> Option<f64> {
 fn version(text: &str) -> Option<String> {
     let after = text.split("version=").nth(1)?;
     after.split([',', '\n', ' ']).next().map(str::to_owned)
-}
-
-/// The largest peak memory of all child processes so far, in bytes.
-fn children_peak() -> Option<u64> {
-    #[cfg(target_os = "linux")]
-    {
-        let mut usage = std::mem::MaybeUninit::<libc::rusage>::zeroed();
-        // SAFETY: `usage` is a valid place for what the call writes.
-        let done = unsafe { libc::getrusage(libc::RUSAGE_CHILDREN, usage.as_mut_ptr()) };
-        // SAFETY: zeroed, and filled by the call if it succeeded.
-        let usage = unsafe { usage.assume_init() };
-        (done == 0).then_some(usage.ru_maxrss as u64 * 1024)
-    }
-    #[cfg(not(target_os = "linux"))]
-    None
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! The three pictures of a report: error against time, error by frame, where the time goes.
 
-use super::axes::{Label, Panel, SMALL, number, place, range};
+use super::axes::{Label, Panel, SMALL, number, place, range, stack};
 use super::candidates::{Candidate, Kind, Method};
 use super::drawing::{Anchor, Drawing, Group, Ink, Shape};
 use super::raster::text_width;
@@ -98,17 +98,18 @@ pub fn error_against_time(report: &Report) -> Drawing {
             .map(|((_, row), at)| Label { at: *at, text: row.candidate.name.clone(), ink: Ink::Text })
             .collect();
         let words = place(&labels, WIDTH - 20.0, (top - 4.0, top + height));
-        for (((i, row), (px, py)), words) in rows.into_iter().zip(spots).zip(words) {
+        // Words first: their halo must not cover another's disc.
+        drawing.groups.extend(rows.iter().zip(words).map(|((i, _), shapes)| Group { row: Some(*i), title: None, shapes }));
+        for ((i, row), (x, y)) in rows.into_iter().zip(spots) {
             let (Some((time, error, value)), ink) = (of(row), ink(&row.candidate)) else { continue };
-            let mut shapes = words;
             let line = |points: Vec<(f64, f64)>| Shape::Line { points, ink, width: 1.5, dashed: false };
-            shapes.push(line(vec![panel.at(time.low, value), panel.at(time.high, value)]));
+            let mut shapes = vec![line(vec![panel.at(time.low, value), panel.at(time.high, value)])];
             if bars {
                 shapes.push(line(vec![panel.at(time.median, error.low), panel.at(time.median, error.high)]));
             }
-            shapes.push(Shape::Disc { x: px, y: py, radius: 5.0, ink, hollow: false });
+            shapes.push(Shape::Disc { x, y, radius: 5.0, ink, hollow: false });
             if row.candidate.default {
-                shapes.push(Shape::Disc { x: px, y: py, radius: 8.5, ink, hollow: true });
+                shapes.push(Shape::Disc { x, y, radius: 8.5, ink, hollow: true });
             }
             drawing.groups.push(Group { row: Some(i), title: Some(tip(row, report)), shapes });
         }
@@ -149,7 +150,11 @@ pub fn by_frame(report: &Report) -> Drawing {
     let panels = shown(report);
     let height = 210.0;
     let mut drawing = Drawing::new(WIDTH, 66.0 + (height + 70.0) * panels.len().max(1) as f64, "Error by frame");
-    drawing.add(heading(report, "Error by frame", "Without the noisy picture; skipping would lie on its twin."));
+    drawing.add(heading(
+        report,
+        "Error by frame",
+        "Without the noisy picture and without skipping, which changes nothing that could be seen here.",
+    ));
     let frames = report.frames.iter().map(|f| *f as f64);
     let (low, high) = frames.fold((f64::INFINITY, f64::NEG_INFINITY), |a, f| (a.0.min(f), a.1.max(f)));
     for (n, (e, title)) in panels.into_iter().enumerate() {
@@ -165,16 +170,15 @@ pub fn by_frame(report: &Report) -> Drawing {
         };
         let (rows, ends): (Vec<_>, Vec<_>) =
             rows.into_iter().filter_map(|(i, r)| points(r).last().map(|end| ((i, r), *end))).unzip();
-        let labels: Vec<Label> = rows
-            .iter()
-            .zip(&ends)
-            .map(|((_, row), at)| Label { at: *at, text: row.candidate.name.clone(), ink: Ink::Text })
-            .collect();
-        let words = place(&labels, WIDTH, (top - 8.0, top + height + 8.0));
-        for ((i, row), words) in rows.into_iter().zip(words) {
+        let heights = stack(&ends.iter().map(|(_, y)| *y).collect::<Vec<_>>(), 14.0, (top - 4.0, top + height + 4.0));
+        for (((i, row), (end, y)), height) in rows.into_iter().zip(ends).zip(heights) {
             let (ink, points) = (ink(&row.candidate), points(row));
-            let width = if row.candidate.default { 3.0 } else { 1.5 };
-            let mut shapes = words;
+            let (width, text) = (if row.candidate.default { 3.0 } else { 1.5 }, row.candidate.name.clone());
+            let lead = vec![(end, y), (end + 22.0, height)];
+            let mut shapes = vec![
+                Shape::Line { points: lead, ink: Ink::Front, width: 1.0, dashed: false },
+                Shape::Text { x: end + 26.0, y: height + 4.0, text, size: SMALL, anchor: Anchor::Start, ink: Ink::Text },
+            ];
             shapes.extend(points.iter().map(|(x, y)| Shape::Disc { x: *x, y: *y, radius: 2.5, ink, hollow: false }));
             shapes.push(Shape::Line { points, ink, width, dashed: false });
             drawing.groups.push(Group { row: Some(i), title: Some(tip(row, report)), shapes });

@@ -1,6 +1,6 @@
 //! A drawing as PNG, in the colours of light, with a font of its own so that every machine draws the same.
 
-use tiny_skia::{Color, FillRule, Paint, Path, PathBuilder, Pixmap, Rect, Stroke, StrokeDash, Transform};
+use tiny_skia::{Color, FillRule, LineJoin, Paint, Path, PathBuilder, Pixmap, Rect, Stroke, StrokeDash, Transform};
 use ttf_parser::{Face, OutlineBuilder};
 
 use super::drawing::{Anchor, Drawing, Ink, Shape};
@@ -57,6 +57,10 @@ fn draw(pixmap: &mut Pixmap, face: &Face, shape: &Shape, transform: Transform) {
             };
             if let Some(path) = path {
                 let transform = transform.pre_translate(*x as f32 + shift, *y as f32);
+                let mut paper = Paint { anti_alias: true, ..Paint::default() };
+                paper.set_color(Color::WHITE);
+                let halo = Stroke { width: 4.0, line_join: LineJoin::Round, ..Stroke::default() };
+                pixmap.stroke_path(&path, &paper, &halo, transform, None);
                 pixmap.fill_path(&path, &paint(*ink), FillRule::Winding, transform, None);
             }
         }
