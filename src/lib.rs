@@ -16,6 +16,7 @@ pub mod plan;
 pub mod report;
 pub mod shot;
 pub mod simd;
+pub mod stability;
 
 pub use engine::{Denoised, EncodedFrame, Engine, Settings};
 pub use error::{Error, Result};

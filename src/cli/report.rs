@@ -11,6 +11,7 @@ use crate::error::{Error, Result};
 use crate::plan::skip::Skip;
 use crate::report::{Measured, Oidn, Options, PAGE, REACH, measure, prepare, write};
 use crate::shot::{CancelToken, Scope};
+use crate::stability;
 
 /// Measures error against run time for the settings worth choosing between, and writes a page about it
 ///
@@ -36,6 +37,9 @@ pub(super) struct ReportArgs {
     /// Do without Open Image Denoise
     #[arg(long)]
     no_oidn: bool,
+    /// Also try what must hold on hard cases, and show the worst of each
+    #[arg(long)]
+    stability: bool,
     /// Say nothing but errors
     #[arg(short, long)]
     quiet: bool,
@@ -73,7 +77,12 @@ pub(super) fn report(args: &ReportArgs) -> Result<Exit> {
         bar.set_length(all as u64);
         bar.set_position(done as u64);
     };
-    let measured = measure(&scope, &engine, &options, &progress, &cancel);
+    let measured = measure(&scope, &engine, &options, &progress, &cancel).and_then(|mut measured| {
+        if args.stability {
+            measured.report.stability = stability::run(&args.shot.weights()?, 0, &|done, all, _| progress(done, all))?;
+        }
+        if cancel.is_cancelled() { Err(Error::Cancelled) } else { Ok(measured) }
+    });
     bar.finish_and_clear();
     let measured = match measured {
         Err(Error::Cancelled) => {
@@ -124,6 +133,10 @@ fn summary(measured: &Measured) -> Vec<String> {
             format!("  {cell:>width$}", width = wide(titles[*e].unwrap_or_default()).max(10))
         });
         out.push(format!("{name}  {time}{}", cells.collect::<String>()));
+    }
+    if !report.stability.is_empty() {
+        let failed = report.stability.iter().filter(|r| !r.passed).count();
+        out.push(format!("Numerical soundness: {} checks, {failed} failed.", report.stability.len()));
     }
     out.extend(report.remarks.iter().cloned());
     out

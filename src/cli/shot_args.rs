@@ -9,6 +9,7 @@ use crate::engine::{Engine, Settings};
 use crate::error::{Error, Result};
 use crate::io::Selection;
 use crate::io::sequence::Sequence;
+use crate::network::weights::Weights;
 use crate::plan::frames::FrameSet;
 use crate::plan::skip::Skip;
 
@@ -64,10 +65,11 @@ impl ShotArgs {
             let built = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads)).build_global();
             built.map_err(|e| Error::BadSetting { name: "threads", reason: e.to_string() })?;
         }
-        let settings = Settings { memory: self.memory, skip, ..Settings::default() };
-        match &self.model {
-            Some(path) => Engine::from_file(path, settings),
-            None => Engine::new(settings),
-        }
+        Engine::from_weights(&self.weights()?, Settings { memory: self.memory, skip, ..Settings::default() })
+    }
+
+    /// The weights.
+    pub fn weights(&self) -> Result<Weights> {
+        self.model.as_deref().map_or_else(Weights::embedded, Weights::from_file)
     }
 }

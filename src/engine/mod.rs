@@ -387,5 +387,6 @@ mod clock;
 #[cfg(test)]
 mod golden_tests;
 mod paths;
+pub(crate) mod probe;
 mod settings;
 mod unpack;

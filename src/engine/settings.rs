@@ -16,7 +16,8 @@ pub struct Settings {
     /// What may be left out.
     pub skip: Skip,
     /// Levels of the kernels' pyramid that are used, 1 to 3. Below 3 the coarsest are not computed, and the kernels do without
-    /// their taps: faster, and what is noisy over many pixels stays so. The network was trained with 3.
+    /// their taps: faster, what is noisy over many pixels stays so, and wide holes of bad pixels are filled less far. The network
+    /// was trained with 3.
     pub levels: usize,
     /// The instruction set; None is the fastest. AVX2 and AVX-512 give the same bits, the portable path agrees to 1e-4.
     pub isa: Option<Isa>,

@@ -1,5 +1,6 @@
 //! One frame's passes in memory.
 
+pub mod exposure;
 pub mod packed;
 pub mod pixels;
 pub mod ranges;

@@ -6,6 +6,7 @@ use ndarray::{Array2, Array3, ArrayView2, ArrayView3};
 use rayon::prelude::*;
 
 use super::Frame;
+use super::exposure::exposure;
 use super::pixels::Pixels;
 use crate::error::Result;
 
@@ -56,7 +57,7 @@ pub struct Guides {
     pub normal: Option<Array3<f32>>,
 }
 
-fn radiance(x: f32) -> f32 {
+pub(super) fn radiance(x: f32) -> f32 {
     x.clamp(0.0, BRIGHTEST)
 }
 
@@ -155,32 +156,6 @@ fn depth_scale(depth: ArrayView2<f32>, colour: ArrayView3<f32>) -> f32 {
     if count == 0 { 1.0 } else { (count as f64 / sum) as f32 }
 }
 
-/// The scale that brings the log-average luminance over 16×16 blocks to 0.18; 1 for a black frame (`geometry.exposure`).
-pub fn exposure(colour: ArrayView3<f32>) -> f32 {
-    const BLOCK: usize = 16;
-    let (rows, columns, _) = colour.dim();
-    let means: Vec<f64> = (0..rows.div_ceil(BLOCK))
-        .into_par_iter()
-        .flat_map_iter(|by| (0..columns.div_ceil(BLOCK)).map(move |bx| (by, bx)))
-        .map(|(by, bx)| {
-            let (mut sum, mut count) = (0.0f64, 0u32);
-            for y in by * BLOCK..rows.min((by + 1) * BLOCK) {
-                for x in bx * BLOCK..columns.min((bx + 1) * BLOCK) {
-                    let [r, g, b] = std::array::from_fn(|c| colour[[y, x, c]]);
-                    if r.is_finite() && g.is_finite() && b.is_finite() {
-                        sum += f64::from(0.2126 * radiance(r) + 0.7152 * radiance(g) + 0.0722 * radiance(b));
-                        count += 1;
-                    }
-                }
-            }
-            if count == 0 { 0.0 } else { sum / f64::from(count) }
-        })
-        .collect();
-    let threshold = means.iter().copied().fold(0.0, f64::max) * 1e-6;
-    let (sum, count) = means.iter().filter(|m| **m > threshold).fold((0.0, 0u32), |(s, n), m| (s + m.log2(), n + 1));
-    if count == 0 { 1.0 } else { (0.18 / (sum / f64::from(count)).exp2()).clamp(1e-35, 1e35) as f32 }
-}
-
 #[cfg(test)]
 mod tests {
     use ndarray::Array3;
@@ -211,16 +186,5 @@ mod tests {
             let (packed, _) = PackedFrame::new(frame, 0.05).unwrap();
             assert!(packed.groups[0].iter().flatten().all(|v| v.is_finite()), "{near} and {far}");
         }
-    }
-
-    #[test]
-    fn exposure_follows_brightness_and_ignores_bad_pixels() {
-        let mut colour = Array3::from_shape_fn((40, 50, 3), |(y, x, _)| 0.1 + ((y * 7 + x * 3) % 13) as f32 * 0.02);
-        let plain = exposure(colour.view());
-        let brighter = exposure((&colour * 1024.0).view());
-        assert!((plain / brighter / 1024.0 - 1.0).abs() < 1e-6);
-        colour[[3, 3, 0]] = f32::INFINITY;
-        assert!((exposure(colour.view()) / plain - 1.0).abs() < 0.01);
-        assert_eq!(exposure(Array3::zeros((4, 4, 3)).view()), 1.0);
     }
 }

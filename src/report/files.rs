@@ -55,6 +55,9 @@ pub fn write(measured: &Measured, folder: &Path) -> Result<()> {
     }
     put("settings.csv", settings_csv(report).as_bytes())?;
     put("frames.csv", frames_csv(report).as_bytes())?;
+    if !report.stability.is_empty() {
+        put("stability.csv", stability_csv(report).as_bytes())?;
+    }
     let json = serde_json::to_vec_pretty(report).map_err(|e| Error::bad_file(folder.join("report.json"), e.to_string()))?;
     put("report.json", &json)?;
     put(PAGE, page(measured).as_bytes())
@@ -62,7 +65,7 @@ pub fn write(measured: &Measured, folder: &Path) -> Result<()> {
 
 /// Names of the errors' columns.
 fn error_names(report: &Report) -> [String; 3] {
-    report.basis.titles().map(|t| t.unwrap_or("none").replace([' ', ','], "_"))
+    report.basis.titles().map(|t| t.unwrap_or("none").replace(',', "").replace(' ', "_"))
 }
 
 fn field(value: Option<f64>) -> String {
@@ -101,6 +104,17 @@ fn frames_csv(report: &Report) -> String {
         for frame in &row.by_frame {
             let _ = writeln!(out, "{},{},{}", row.candidate.name, frame.frame, frame.errors.map(field).join(","));
         }
+    }
+    out
+}
+
+/// A row a check of a case.
+fn stability_csv(report: &Report) -> String {
+    let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
+    let mut out = String::from("case,check,bound,worst,where,passed\n");
+    for r in &report.stability {
+        let _ =
+            writeln!(out, "{},{},{},{},{},{}", quoted(&r.case), quoted(&r.check), r.bound, r.worst, quoted(&r.place), r.passed);
     }
     out
 }

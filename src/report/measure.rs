@@ -349,6 +349,7 @@ impl Run<'_> {
             rows_by_setting: rows,
             estimate,
             checks,
+            stability: Vec::new(),
             remarks: self.remarks,
             failed: self.failed,
         };

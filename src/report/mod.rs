@@ -17,6 +17,7 @@ mod pfm;
 mod plots;
 mod raster;
 mod record;
+mod soundness;
 mod statistics;
 
 pub use candidates::{Candidate, Kind, Method};

@@ -9,6 +9,7 @@ use super::drawing::{Ink, escape, styles};
 use super::measure::Measured;
 use super::plots::{by_frame, by_stage, error_against_time, ink};
 use super::record::{Basis, ERRORS, Report, Row};
+use super::soundness::soundness;
 use super::statistics::Spread;
 
 /// Marks a page of ours, which may be written over.
@@ -45,6 +46,9 @@ pub fn page(measured: &Measured) -> String {
     section(&mut out, "Memory", &memory(report));
     if !report.checks.is_empty() {
         section(&mut out, "How far off an estimate would have been", &checks(report));
+    }
+    if !report.stability.is_empty() {
+        section(&mut out, "Numerical soundness", &soundness(&report.stability));
     }
     section(&mut out, "How it was measured", &method(report));
     let _ = writeln!(out, "</main>\n<script>\n{}</script>\n</body>\n</html>", include_str!("page.js"));

@@ -8,6 +8,7 @@ use super::candidates::Candidate;
 use super::machine::Machine;
 use super::statistics::Spread;
 use crate::engine::STAGES;
+use crate::stability;
 
 /// What the errors are measured against.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -58,6 +59,8 @@ pub struct Report {
     pub estimate: Option<EstimateNote>,
     /// The estimate beside the measured error, where there are references.
     pub checks: Vec<Check>,
+    /// The table of numerical soundness, where it was asked for.
+    pub stability: Vec<stability::Row>,
     /// What a reader must know, a sentence each.
     pub remarks: Vec<String>,
     /// Frames that could not be measured, and why.
