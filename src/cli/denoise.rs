@@ -68,7 +68,7 @@ fn denoise_with(args: &DenoiseArgs, mode: Mode, progress: &Progress, catch_signa
     if matches!(mode, Mode::Bar | Mode::Lines) {
         tell_files(&settings);
     }
-    let job = Job { overwrite: args.overwrite, strict: args.strict, ..settings.job(sequence, None)? };
+    let job = Job { overwrite: args.overwrite, strict: args.strict, skip: args.job.skip()?, ..settings.job(sequence, None)? };
     if args.dry_run {
         let plan = Plan::new(&job)?;
         if mode == Mode::Json {
@@ -80,7 +80,7 @@ fn denoise_with(args: &DenoiseArgs, mode: Mode, progress: &Progress, catch_signa
     }
     let engine = args.job.engine_for(&settings.values)?;
     let cancel = CancelToken::new();
-    catch_signals(stop_handler(&cancel, &job.output))?;
+    catch_signals(stop_handler(&cancel, Some(&job.output)))?;
     let summary = run(&job, &engine, &|event| progress.report(&event), &cancel)?;
     Ok(exit_of(&summary))
 }

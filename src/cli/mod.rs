@@ -4,11 +4,15 @@ mod denoise;
 mod eval;
 mod inspect;
 mod job_args;
+mod plan;
 mod progress;
 mod read_stage;
+mod report;
 mod setting_args;
 mod shot;
+mod shot_args;
 mod signals;
+mod skip_args;
 mod status;
 mod watch;
 
@@ -45,6 +49,8 @@ enum Command {
     Shot(shot::ShotArgs),
     #[command(name = read_stage::NAME, hide = true)]
     ReadStage(read_stage::ReadStageArgs),
+    Plan(Box<plan::PlanArgs>),
+    Report(Box<report::ReportArgs>),
 }
 
 /// Why the process ends as it does.
@@ -86,6 +92,8 @@ pub fn run(args: impl IntoIterator<Item = OsString>, catch_signals: CatchSignals
         Command::Eval(args) => eval::eval(&args),
         Command::Shot(args) => shot::shot(&args),
         Command::ReadStage(args) => read_stage::read_stage(&args),
+        Command::Plan(args) => plan::plan(&args, catch_signals),
+        Command::Report(args) => report::report(&args, catch_signals),
     };
     exit.unwrap_or_else(|error| {
         say_error(&error);

@@ -6,11 +6,11 @@ use super::{Exit, Handler, say};
 use crate::shot::{CancelToken, remove_unfinished};
 
 /// The first signal lets the frame in hand be finished, the second ends the process at once.
-pub(super) fn stop_handler(cancel: &CancelToken, output: &Path) -> Handler {
-    let (cancel, output) = (cancel.clone(), output.to_path_buf());
+pub(super) fn stop_handler(cancel: &CancelToken, output: Option<&Path>) -> Handler {
+    let (cancel, output) = (cancel.clone(), output.map(Path::to_path_buf));
     Box::new(move || {
         if cancel.is_cancelled() {
-            remove_below(&output);
+            output.iter().for_each(|folder| remove_below(folder));
             std::process::exit(Exit::Stopped as i32);
         }
         cancel.cancel();

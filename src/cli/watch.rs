@@ -74,7 +74,7 @@ fn watch_with(args: &WatchArgs, status: &Status, catch_signals: CatchSignals) ->
     };
     let engine = args.job.engine_for(&settings.values)?;
     let cancel = CancelToken::new();
-    catch_signals(stop_handler(&cancel, &output))?;
+    catch_signals(stop_handler(&cancel, Some(&output)))?;
     let report =
         watch(&options, &|sequence| args.job.job_with(sequence, &settings), &engine, &|event| status.report(&event), &cancel)?;
     Ok(exit_of(&report))

@@ -1,7 +1,11 @@
 //! The denoiser on frames in memory: encode each frame once, denoise it with the encoded frames around it.
 
+use clock::Clock;
+pub use clock::{STAGES, Stage};
 use ndarray::{Array2, Array3, s};
 use paths::{Path, paths};
+use settings::check_levels;
+pub use settings::{LEVELS, Settings};
 use unpack::{own_pixels, unpack};
 
 use crate::error::{Error, Result};
@@ -17,7 +21,7 @@ use crate::network::levels::{Levels, Margins, kernel_reach, pyramid_of};
 use crate::network::pairs::Neighbour;
 use crate::network::predictor::Predictor;
 use crate::network::temporal::Temporal;
-use crate::network::warp::{EXTRAS, Warped, centre_planes, warp};
+use crate::network::warp::{EXTRAS, Warped, any_trusted, centre_planes, warp};
 use crate::network::weights::Weights;
 use crate::plan::active::{Way, active_blocks};
 use crate::plan::cover::cover;
@@ -31,18 +35,13 @@ const MEMORY: u64 = 3200 << 20;
 /// What one tile takes at most and at least, whatever is allowed: a whole 1080p frame with a ±2 window takes about the most.
 const TILE_MEMORY: (u64, u64) = (320 << 20, 1 << 30);
 
-/// How to denoise.
-#[derive(Clone, Debug, Default)]
-pub struct Settings {
-    /// Bytes that the frames in the window and the buffers of one tile may take together; None is 3.1 GiB, and 320 MiB for a tile
-    /// in any case. Less memory means more and smaller tiles, and the same bits.
-    pub memory: Option<u64>,
-    /// What may be left out.
-    pub skip: Skip,
-    /// The instruction set; None is the fastest. AVX2 and AVX-512 give the same bits, the portable path agrees to 1e-4.
-    pub isa: Option<Isa>,
-    /// Threads that compute; None is rayon's pool of all cores. Any number gives the same bits.
-    pub threads: Option<usize>,
+/// What one frame's denoising holds, in bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Footprint {
+    /// The frames of the window.
+    pub window: usize,
+    /// The buffers of the largest tile.
+    pub tile: usize,
 }
 
 /// A frame as the engine keeps it while it is in the window.
@@ -88,6 +87,7 @@ pub struct Engine {
     widths: [usize; 4],
     epsilon: f32,
     channels_per_pixel: usize,
+    clock: Clock,
 }
 
 impl Engine {
@@ -101,8 +101,9 @@ impl Engine {
         Self::from_weights(&Weights::from_file(path)?, settings)
     }
 
-    /// An engine with weights in memory. Errors name the tensor that is missing or misshapen.
+    /// An engine with weights in memory. Errors name the tensor that is missing or misshapen, or a setting out of its range.
     pub fn from_weights(weights: &Weights, settings: Settings) -> Result<Self> {
+        check_levels(settings.levels)?;
         let a = &weights.architecture;
         let bad_threads = |e: rayon::ThreadPoolBuildError| Error::BadSetting { name: "threads", reason: e.to_string() };
         let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(bad_threads);
@@ -118,6 +119,7 @@ impl Engine {
             widths: [a.centre_taps, a.neighbour_taps, a.coarse_taps, a.albedo_taps],
             epsilon: a.albedo_epsilon,
             channels_per_pixel: 3 * a.half + a.quarter + a.eighth / 2,
+            clock: Clock::default(),
         })
     }
 
@@ -125,17 +127,37 @@ impl Engine {
     ///
     /// Errors where passes differ in size or the frame is empty.
     pub fn encode(&self, frame: Frame) -> Result<EncodedFrame> {
-        let packed = self.pack(&frame.view())?;
-        // Of the frame only the guides are needed from here on: large frames want the memory.
-        let Frame { albedo, normal, .. } = frame;
-        let guides = Guides { albedo: albedo.as_ref().map(|a| a.view()), normal: normal.as_ref().map(|n| n.view()) };
-        Ok(self.finish_encoding(packed, &guides))
+        self.clock.time(Stage::Encode, || {
+            let packed = self.pack(&frame.view())?;
+            // Of the frame only the guides are needed from here on: large frames want the memory.
+            let Frame { albedo, normal, .. } = frame;
+            let guides = Guides { albedo: albedo.as_ref().map(|a| a.view()), normal: normal.as_ref().map(|n| n.view()) };
+            Ok(self.finish_encoding(packed, &guides))
+        })
     }
 
     /// As [`Engine::encode`], for passes that lie elsewhere, in any layout; none of them is copied.
     pub fn encode_view(&self, frame: &FrameView) -> Result<EncodedFrame> {
-        let guides = Guides { albedo: frame.albedo, normal: frame.normal };
-        Ok(self.finish_encoding(self.pack(frame)?, &guides))
+        self.clock.time(Stage::Encode, || {
+            let guides = Guides { albedo: frame.albedo, normal: frame.normal };
+            Ok(self.finish_encoding(self.pack(frame)?, &guides))
+        })
+    }
+
+    /// As [`encode`](Self::encode) without the features: enough for [`left_out`](Self::left_out); it cannot be denoised or help.
+    pub fn look(&self, frame: &Frame) -> Result<EncodedFrame> {
+        let packed = self.pack(&frame.view())?;
+        Ok(EncodedFrame { ranges: self.in_pool(|| Ranges::new(&packed)), packed, features: Features::new(0, 0, 0) })
+    }
+
+    /// The instruction set of the kernels.
+    pub fn isa(&self) -> Isa {
+        self.isa
+    }
+
+    /// Seconds spent in each stage since the engine was made, in the order of [`STAGES`].
+    pub fn stage_seconds(&self) -> [f64; STAGES.len()] {
+        self.clock.seconds()
     }
 
     fn pack(&self, frame: &FrameView) -> Result<PackedFrame> {
@@ -177,6 +199,19 @@ impl Engine {
         neighbours: &[(i32, &EncodedFrame)],
         lambda: f32,
     ) -> Result<(Denoised, LeftOut)> {
+        self.denoise_with(centre, neighbours, lambda, (self.settings.skip, self.settings.levels))
+    }
+
+    /// As [`denoise_and_tell`](Self::denoise_and_tell), leaving out what `skip` says and using as many pyramid levels as
+    /// `levels` says (1 to 3) instead of what the settings say.
+    pub fn denoise_with(
+        &self,
+        centre: &EncodedFrame,
+        neighbours: &[(i32, &EncodedFrame)],
+        lambda: f32,
+        (skip, levels): (Skip, usize),
+    ) -> Result<(Denoised, LeftOut)> {
+        check_levels(levels)?;
         let (least, most) = LAMBDA_RANGE;
         if lambda.is_nan() || lambda < least {
             return Err(Error::BadSetting { name: "lambda", reason: format!("{lambda} is not in {least}…{most}") });
@@ -185,19 +220,40 @@ impl Engine {
         if neighbours.iter().map(|n| n.1).chain([centre]).any(|f| f.features.shape().2 != self.features) {
             return Err(Error::BadInput {
                 input: "frame".into(),
-                reason: "was encoded for another network: encode it again".into(),
+                reason: "was only looked at, or encoded for another network: encode it".into(),
             });
         }
-        Ok(self.in_pool(|| self.run(&self.plan(centre, neighbours), lambda)))
+        Ok(self.in_pool(|| self.run(&self.plan(centre, neighbours, skip, levels), lambda)))
     }
 
-    /// What of `centre` will be computed, and what left out; arguments as for [`denoise`](Self::denoise).
-    pub fn left_out(&self, centre: &EncodedFrame, neighbours: &[(i32, &EncodedFrame)]) -> LeftOut {
-        self.in_pool(|| self.plan(centre, neighbours).left_out)
+    /// What `skip` leaves out of `centre`; arguments as for [`denoise`](Self::denoise), and frames that were only
+    /// [looked at](Self::look) do. A neighbour counts as untrusted if no pixel of the whole frame may use it.
+    pub fn left_out(&self, centre: &EncodedFrame, neighbours: &[(i32, &EncodedFrame)], skip: Skip) -> LeftOut {
+        self.in_pool(|| {
+            let plan = self.plan(centre, neighbours, skip, self.settings.levels);
+            let used = |path: &Path| {
+                let frames: Vec<&PackedFrame> = path.frames.iter().map(|f| &f.packed).collect();
+                !skip.untrusted || any_trusted(&frames, (path.offset, path.is_still()))
+            };
+            plan.told(&plan.paths.iter().map(used).collect::<Vec<_>>())
+        })
     }
 
-    fn plan<'a>(&self, centre: &'a EncodedFrame, neighbours: &[(i32, &'a EncodedFrame)]) -> FramePlan<'a> {
-        let (skip, packed) = (self.settings.skip, &centre.packed);
+    /// What denoising `centre` holds in memory besides the images; arguments as for [`denoise`](Self::denoise).
+    pub fn footprint(&self, centre: &EncodedFrame, neighbours: &[(i32, &EncodedFrame)]) -> Footprint {
+        let plan = self.plan(centre, neighbours, self.settings.skip, self.settings.levels);
+        let area = self.tiles(&plan).0.iter().map(|t| t.region.area()).max().unwrap_or(0);
+        Footprint { window: plan.window_bytes(), tile: area * self.bytes_per_pixel(&plan.channels, plan.paths.len()) }
+    }
+
+    fn plan<'a>(
+        &self,
+        centre: &'a EncodedFrame,
+        neighbours: &[(i32, &'a EncodedFrame)],
+        skip: Skip,
+        levels: usize,
+    ) -> FramePlan<'a> {
+        let packed = &centre.packed;
         let mut left_out = LeftOut::default();
         let mut channels = Channels::new(packed.extra, packed.has_alpha);
         let mut paths = paths(centre, neighbours);
@@ -223,24 +279,20 @@ impl Engine {
             left_out.constant = 1.0 - (kept as f64 / whole.area() as f64).min(1.0);
         }
         left_out.still = if skip.still { paths.iter().filter(|p| p.is_still()).count() } else { 0 };
-        FramePlan { centre, paths, channels, parts, left_out }
+        FramePlan { centre, paths, channels, parts, skip, levels, left_out }
     }
 
     fn run(&self, plan: &FramePlan, lambda: f32) -> (Denoised, LeftOut) {
-        let FramePlan { centre, paths, channels, parts, .. } = plan;
+        let FramePlan { centre, paths, channels, .. } = plan;
         let packed = &centre.packed;
         let (half_rows, half_columns) = (packed.padded_rows / 2, packed.padded_columns / 2);
-        let window: usize = paths.iter().map(|p| p.neighbour().bytes()).sum::<usize>() + centre.bytes();
-        let left = |allowed: u64| allowed.saturating_sub(window as u64).min(TILE_MEMORY.1);
-        let tile = self.settings.memory.map_or(left(MEMORY).max(TILE_MEMORY.0), left) as usize;
-        let area = tile / self.bytes_per_pixel(channels, paths.len());
-        let tiles: Vec<Tile> = parts.iter().flat_map(|p| tiles(*p, half_rows, half_columns, self.halo(), area)).collect();
+        let (tiles, tile) = self.tiles(plan);
         // Tiles of several sizes leave buffers behind that fit nothing; a single one is the same size frame after frame.
         keep_at_most(if tiles.len() == 1 { TILE_MEMORY.1 as usize } else { tile / 4 });
         let covered = tiles.iter().map(|t| t.core.area()).sum::<usize>() == half_rows * half_columns;
         if let ([whole], true) = (&tiles[..], covered) {
             let stages = self.tile(plan, *whole, lambda);
-            return (unpack(stages.image, packed, channels), plan.told(&stages.used));
+            return (self.clock.time(Stage::Unpack, || unpack(stages.image, packed, channels)), plan.told(&stages.used));
         }
         let size = (packed.padded_rows, packed.padded_columns, channels.values);
         let mut out = if covered { Array3::zeros(size) } else { own_pixels(packed, channels) };
@@ -252,7 +304,17 @@ impl Engine {
                 .assign(&stages.image);
             used.iter_mut().zip(stages.used).for_each(|(all, one)| *all |= one);
         }
-        (unpack(out, packed, channels), plan.told(&used))
+        (self.clock.time(Stage::Unpack, || unpack(out, packed, channels)), plan.told(&used))
+    }
+
+    /// The tiles of what is to be computed, and what one may take in bytes.
+    fn tiles(&self, plan: &FramePlan) -> (Vec<Tile>, usize) {
+        let packed = &plan.centre.packed;
+        let (half_rows, half_columns) = (packed.padded_rows / 2, packed.padded_columns / 2);
+        let left = |allowed: u64| allowed.saturating_sub(plan.window_bytes() as u64).min(TILE_MEMORY.1);
+        let tile = self.settings.memory.map_or(left(MEMORY).max(TILE_MEMORY.0), left) as usize;
+        let area = tile / self.bytes_per_pixel(&plan.channels, plan.paths.len());
+        (plan.parts.iter().flat_map(|p| tiles(*p, half_rows, half_columns, self.halo(), area)).collect(), tile)
     }
 
     /// Half-resolution pixels around a part of the frame that its result depends on.
@@ -267,12 +329,13 @@ impl Engine {
     }
 
     fn tile(&self, plan: &FramePlan, tile: Tile, lambda: f32) -> Stages {
-        let (centre, channels, skip, region) = (plan.centre, plan.channels, self.settings.skip, tile.region);
+        let (centre, channels, skip, region) = (plan.centre, plan.channels, plan.skip, tile.region);
         let margins = Margins::new(self.widths[0].max(self.widths[1]).max(self.widths[3]), self.widths[2]);
         let seen = plan.paths.iter().map(|path| {
             let frames: Vec<&PackedFrame> = path.frames.iter().map(|f| &f.packed).collect();
             let still = skip.still && path.is_still();
-            (path, warp(self.isa, &frames, (path.offset, still), region, &channels, margins.full))
+            let offset = (path.offset, still);
+            (path, self.clock.time(Stage::Warp, || warp(self.isa, &frames, offset, region, &channels, margins.full)))
         });
         let mut used = Vec::with_capacity(plan.paths.len());
         let seen = seen.filter(|(_, (_, warped))| {
@@ -280,12 +343,15 @@ impl Engine {
             warped.trusted || !skip.untrusted
         });
         let (paths, (images, warped)): (Vec<&Path>, (Vec<Planes>, Vec<Warped>)) = seen.unzip();
-        let pyramid = pyramid_of(centre_planes(&centre.packed, region, &channels, margins.full), images, &channels, margins);
+        let pyramid = self.clock.time(Stage::Coarse, || {
+            let own = centre_planes(&centre.packed, region, &channels, margins.full);
+            pyramid_of(own, images, &channels, margins, plan.levels)
+        });
         let neighbours: Vec<Neighbour> =
             paths.iter().zip(&warped).map(|(path, warped)| Neighbour { features: &path.neighbour().features, warped }).collect();
         let mut mixed = Activation::empty();
-        self.temporal.run(self.isa, &centre.features, &neighbours, region, &mut mixed);
-        let (half_features, quarter_features) = self.body.run(self.isa, mixed, lambda);
+        self.clock.time(Stage::Temporal, || self.temporal.run(self.isa, &centre.features, &neighbours, region, &mut mixed));
+        let (half_features, quarter_features) = self.clock.time(Stage::Body, || self.body.run(self.isa, mixed, lambda));
         let levels = Levels {
             isa: self.isa,
             predictor: &self.predictor,
@@ -298,13 +364,14 @@ impl Engine {
             tile,
             widths: self.widths,
         };
-        let (quarter, half, image) = levels.run();
+        let (quarter, half) = self.clock.time(Stage::Coarse, || levels.coarse());
+        let image = self.clock.time(Stage::Full, || levels.full(half.as_ref()));
         Stages { half_features, quarter_features, quarter, half, image, used }
     }
 
     #[cfg(test)]
     fn stages(&self, centre: &EncodedFrame, neighbours: &[(i32, &EncodedFrame)], lambda: f32) -> Stages {
-        let plan = self.plan(centre, neighbours);
+        let plan = self.plan(centre, neighbours, self.settings.skip, self.settings.levels);
         let whole = Rect { row: 0, column: 0, rows: centre.packed.padded_rows / 2, columns: centre.packed.padded_columns / 2 };
         self.tile(&plan, Tile { core: whole, region: whole }, lambda)
     }
@@ -317,10 +384,17 @@ struct FramePlan<'a> {
     channels: Channels,
     /// In half-resolution pixels; the rest keeps its own pixels.
     parts: Vec<Rect>,
+    skip: Skip,
+    levels: usize,
     left_out: LeftOut,
 }
 
 impl FramePlan<'_> {
+    /// Bytes that the frames of the window hold.
+    fn window_bytes(&self) -> usize {
+        self.paths.iter().map(|p| p.neighbour().bytes()).sum::<usize>() + self.centre.bytes()
+    }
+
     /// What was left out, once it is known which neighbours had anything to give.
     fn told(&self, used: &[bool]) -> LeftOut {
         LeftOut { untrusted: used.iter().filter(|used| !**used).count(), ..self.left_out }
@@ -332,16 +406,18 @@ impl FramePlan<'_> {
 struct Stages {
     half_features: Activation,
     quarter_features: Activation,
-    quarter: Planes,
-    half: Planes,
+    quarter: Option<Planes>,
+    half: Option<Planes>,
     /// The core, (rows, columns, values).
     image: Array3<f32>,
     /// For each neighbour whether it had any pixel to give.
     used: Vec<bool>,
 }
 
+mod clock;
 #[cfg(test)]
 mod golden_tests;
 mod paths;
 pub(crate) mod probe;
+mod settings;
 mod unpack;

@@ -1,6 +1,6 @@
 //! What the kernels of a frame are made from, for the float64 reference of the kernel stage.
 
-use super::{EncodedFrame, Engine};
+use super::{EncodedFrame, Engine, LEVELS};
 use crate::frame::packed::PackedFrame;
 use crate::network::features::Features;
 use crate::network::levels::Margins;
@@ -21,7 +21,7 @@ pub(crate) struct Probe {
 impl Engine {
     /// Runs the network on all of `centre`; arguments as for [`Engine::denoise`], λ in its range.
     pub(crate) fn probe(&self, centre: &EncodedFrame, neighbours: &[(i32, &EncodedFrame)], lambda: f32) -> Probe {
-        let plan = self.plan(centre, neighbours);
+        let plan = self.plan(centre, neighbours, self.settings.skip, LEVELS);
         let region = Rect { row: 0, column: 0, rows: centre.packed.padded_rows / 2, columns: centre.packed.padded_columns / 2 };
         let stages = self.tile(&plan, Tile { core: region, region }, lambda);
         let margins = Margins::new(self.widths[0].max(self.widths[1]).max(self.widths[3]), self.widths[2]);

@@ -172,6 +172,22 @@ pub fn warp(
     (planes, Warped { corners, extras, still, trusted })
 }
 
+/// Whether any pixel of the centre frame may use the last of `frames`; arguments as for [`warp`].
+pub fn any_trusted(frames: &[&PackedFrame], (offset, still): (i32, bool)) -> bool {
+    let (rows, columns) = (frames[0].padded_rows, frames[0].padded_columns);
+    let path = Path { frames, sign: if offset > 0 { 1.0 } else { -1.0 }, rows, columns, still, groups: 1 };
+    let pixels = &frames[frames.len() - 1].groups[0];
+    let is_trusted = |y: usize, x: usize| {
+        if still {
+            return pixels[y * columns + x][INVALID] == 0.0;
+        }
+        let (place, mut sampled) = (path.place(y, x), [0.0; 8]);
+        Corners::new(place.column, place.row, rows, columns).sample(pixels, columns, &mut sampled);
+        place.trusted && sampled[INVALID] == 0.0
+    };
+    (0..rows).into_par_iter().any(|y| (0..columns).any(|x| is_trusted(y, x)))
+}
+
 /// One full-resolution row: warped pixels of every group, the maps, and (from even rows) where the features are sampled.
 #[inline(always)]
 fn warp_row_body<L: Lanes>(

@@ -42,6 +42,28 @@ impl Rule {
     }
 }
 
+impl Rule {
+    /// How far a result may be off by it.
+    pub fn bound(self) -> &'static str {
+        match self {
+            Self::Constant => "half a float16 step",
+            Self::Repeated => "none known",
+            Self::Opaque | Self::Untrusted | Self::Still => "exact",
+        }
+    }
+
+    /// What it leaves out and why that may be.
+    pub fn why(self) -> &'static str {
+        match self {
+            Self::Constant => "pixels whose whole surroundings have one value (background, flat, converged) keep it",
+            Self::Opaque => "alpha that is 1 all over the window is not filtered",
+            Self::Untrusted => "neighbours that no pixel may use (moved out of the frame, bad pixels)",
+            Self::Still => "neighbours without any motion are copied instead of sampled",
+            Self::Repeated => "neighbours that are copies of the frame bring no new samples",
+        }
+    }
+}
+
 impl Display for Rule {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
@@ -116,6 +138,19 @@ pub struct LeftOut {
     pub untrusted: usize,
     /// Neighbours left out as copies of the frame.
     pub repeated: usize,
+}
+
+impl LeftOut {
+    /// How much a rule left out: the share of pixels for [`Rule::Constant`], 0 or 1 for [`Rule::Opaque`], else neighbours.
+    pub fn by(&self, rule: Rule) -> f64 {
+        match rule {
+            Rule::Constant => self.constant,
+            Rule::Opaque => f64::from(u8::from(self.alpha)),
+            Rule::Untrusted => self.untrusted as f64,
+            Rule::Still => self.still as f64,
+            Rule::Repeated => self.repeated as f64,
+        }
+    }
 }
 
 #[cfg(test)]
