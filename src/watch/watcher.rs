@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::claims::{Claims, tidy};
@@ -203,7 +204,7 @@ impl<'a> Watcher<'a> {
     /// Looks at a folder and everything below it.
     fn scan(&mut self, folder: &Path) -> Result<()> {
         let found = self.tree.scan(folder);
-        let mut there: BTreeMap<ShotKey, BTreeSet<i64>> = BTreeMap::new();
+        let mut there: BTreeMap<Arc<ShotKey>, BTreeSet<i64>> = BTreeMap::new();
         for (place, stamp) in found.frames {
             there.entry(place.key.clone()).or_default().insert(place.number);
             self.seen(place, stamp, false)?;
@@ -232,7 +233,7 @@ impl<'a> Watcher<'a> {
         let now = self.now();
         if !self.shots.contains_key(&place.key) {
             let shot = Shot::new(&self.tree, &place, self.options, self.job)?;
-            self.shots.insert(place.key.clone(), shot);
+            self.shots.insert(ShotKey::clone(&place.key), shot);
         }
         let Some(shot) = self.shots.get_mut(&place.key) else { return Ok(()) };
         if self.poll.is_some() {
