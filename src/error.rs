@@ -33,6 +33,9 @@ pub enum Error {
     /// The work does not fit into the memory that it may use.
     #[error("{what} needs {needed} MiB, {allowed} MiB are allowed: {advice}")]
     Memory { what: String, needed: u64, allowed: u64, advice: String },
+    /// The shot's settings say that it is not to be denoised.
+    #[error("denoising is switched off for this shot by {by}: nothing was done; pass --enable to denoise it all the same")]
+    SwitchedOff { by: String },
     /// The user stopped the run.
     #[error("stopped")]
     Cancelled,

@@ -14,10 +14,14 @@ pub mod kernels;
 pub mod metrics;
 pub mod network;
 pub mod plan;
+#[cfg(feature = "python")]
+mod python;
+pub mod settings;
 pub mod shot;
 pub mod simd;
+pub mod stability;
 pub mod watch;
 
 pub use engine::{Denoised, EncodedFrame, Engine, Settings};
 pub use error::{Error, Result};
-pub use frame::{Aov, Frame};
+pub use frame::{Aov, Frame, FrameView};

@@ -13,6 +13,7 @@ from torch import Tensor
 
 OFFSETS = (-1, 1, -2, 2)
 CENTRE = 2
+BRIGHTEST = 1e6
 
 
 @dataclass
@@ -119,7 +120,7 @@ def prepare(
         front = torch.where((depth > 0) & (depth < 1e9), depth, 0.0)
         depths[k] = front * depth_scale(depth, valid[i]) if guides.depth else torch.zeros_like(depth)
         parts = (
-            torch.log1p(demodulated[k] * scale[k]),
+            torch.log1p((demodulated[k] * scale[k]).clamp(max=BRIGHTEST)),
             albedo if guides.albedo else torch.zeros_like(albedo),
             shot.normal[i] if guides.normal else torch.zeros_like(shot.normal[i]),
             torch.log1p(depths[k]),

@@ -6,10 +6,10 @@ use clap::Args;
 
 use super::job_args::JobArgs;
 use super::progress::{Mode, Progress};
-use super::signals::stop_on_signal;
-use super::{Exit, print, print_json};
+use super::signals::stop_handler;
+use super::{CatchSignals, Exit, print, print_json, say};
 use crate::error::Result;
-use crate::io::sequence::Sequence;
+use crate::settings::{Layered, Origin};
 use crate::shot::{Action, CancelToken, Event, Job, Plan, Summary, run};
 
 /// Denoises the frames of a shot
@@ -23,7 +23,8 @@ pub(super) struct DenoiseArgs {
     /// A folder, a glob, a pattern such as shot/frame_####.exr or shot/frame_%04d.exr, or files
     ///
     /// Folders are not searched deeper, so the output folder may be a new one inside the input folder.
-    #[arg(required = true, value_name = "INPUT")]
+    /// May be left out where the shot's settings name the frames.
+    #[arg(value_name = "INPUT")]
     inputs: Vec<PathBuf>,
     #[command(flatten)]
     job: JobArgs,
@@ -39,19 +40,22 @@ pub(super) struct DenoiseArgs {
     /// One JSON event a line on standard output: start, working, frame, warning, error, done
     #[arg(long)]
     json: bool,
+    /// Progress, status and failure lines for a farm that runs OpenJD jobs
+    #[arg(long, conflicts_with_all = ["json", "quiet"])]
+    openjd: bool,
     /// Only tell what would be done
     #[arg(long)]
     dry_run: bool,
 }
 
 /// Runs the subcommand.
-pub(super) fn denoise(args: &DenoiseArgs) -> Result<Exit> {
-    let mode = Mode::choose(args.quiet, args.json);
+pub(super) fn denoise(args: &DenoiseArgs, catch_signals: CatchSignals) -> Result<Exit> {
+    let mode = if args.openjd { Mode::OpenJd } else { Mode::choose(args.quiet, args.json) };
     let progress = Progress::new(mode);
-    let done = denoise_with(args, mode, &progress);
+    let done = denoise_with(args, mode, &progress, catch_signals);
     match done {
         // A machine that reads events finds this one there too.
-        Err(error) if mode == Mode::Json => {
+        Err(error) if matches!(mode, Mode::Json | Mode::OpenJd) => {
             progress.report(&Event::Error { frame: None, message: error.to_string() });
             Err(error)
         }
@@ -59,9 +63,12 @@ pub(super) fn denoise(args: &DenoiseArgs) -> Result<Exit> {
     }
 }
 
-fn denoise_with(args: &DenoiseArgs, mode: Mode, progress: &Progress) -> Result<Exit> {
-    let sequence = Sequence::find(&args.inputs)?;
-    let job = Job { overwrite: args.overwrite, strict: args.strict, ..args.job.job(sequence)? };
+fn denoise_with(args: &DenoiseArgs, mode: Mode, progress: &Progress, catch_signals: CatchSignals) -> Result<Exit> {
+    let (sequence, settings) = args.job.shot(&args.inputs)?;
+    if matches!(mode, Mode::Bar | Mode::Lines) {
+        tell_files(&settings);
+    }
+    let job = Job { overwrite: args.overwrite, strict: args.strict, ..settings.job(sequence, None)? };
     if args.dry_run {
         let plan = Plan::new(&job)?;
         if mode == Mode::Json {
@@ -71,11 +78,23 @@ fn denoise_with(args: &DenoiseArgs, mode: Mode, progress: &Progress) -> Result<E
         }
         return Ok(Exit::Good);
     }
-    let engine = args.job.engine()?;
+    let engine = args.job.engine_for(&settings.values)?;
     let cancel = CancelToken::new();
-    stop_on_signal(&cancel, &job.output)?;
+    catch_signals(stop_handler(&cancel, &job.output))?;
     let summary = run(&job, &engine, &|event| progress.report(&event), &cancel)?;
     Ok(exit_of(&summary))
+}
+
+/// Says which files gave settings: they lie beside the frames, where one may have forgotten them.
+fn tell_files(settings: &Layered) {
+    for file in settings.files() {
+        let from_it = |name: &&str| match settings.origin(name) {
+            Origin::Usd { file: f, .. } | Origin::SideFile { file: f, .. } => *f == file,
+            _ => false,
+        };
+        let names: Vec<&str> = settings.given().filter(from_it).collect();
+        say(format_args!("{} says {}", file.display(), names.join(", ")));
+    }
 }
 
 fn exit_of(summary: &Summary) -> Exit {
@@ -120,7 +139,6 @@ fn show(job: &Job, plan: &Plan) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::error::Error;
 
     fn summary(frames: usize, written: usize, skipped: usize) -> Summary {
         Summary { frames, written, skipped, ..Summary::default() }
@@ -133,7 +151,7 @@ mod tests {
         assert_eq!(exit_of(&Summary { degraded: vec![2], ..summary(3, 3, 0) }), Exit::Partly);
         assert_eq!(exit_of(&Summary { missing: "9".into(), ..summary(3, 3, 0) }), Exit::Partly);
         assert_eq!(exit_of(&Summary { failed: vec![1, 2, 3], ..summary(3, 0, 0) }), Exit::Nothing);
-        assert_eq!(exit_of(&Summary { stopped: Some(Error::Cancelled), ..summary(3, 1, 0) }), Exit::Partly);
+        assert_eq!(exit_of(&Summary { stopped: Some(crate::Error::Cancelled), ..summary(3, 1, 0) }), Exit::Partly);
         assert_eq!(exit_of(&Summary { interrupted: true, ..summary(3, 1, 0) }), Exit::Stopped);
     }
 }

@@ -5,8 +5,10 @@ mod eval;
 mod inspect;
 mod job_args;
 mod progress;
+mod read_stage;
+mod setting_args;
+mod shot;
 mod signals;
-mod size;
 mod status;
 mod watch;
 
@@ -17,10 +19,13 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
+use crate::error::{Error, Result};
+
 const EXIT_CODES: &str = "Exit codes:
   0    every frame asked for is there, written now or before
   1    nothing was done: wrong usage, unusable input, or no frame could be written
   2    some frames failed, are missing, or were done without a neighbour whose file is bad
+  3    nothing was done, because the shot's settings switch denoising off
   130  stopped by Ctrl-C or SIGTERM; run the same command again to continue";
 
 /// Takes the noise out of Blender Cycles animations without flicker.
@@ -37,6 +42,9 @@ enum Command {
     Watch(Box<watch::WatchArgs>),
     Inspect(inspect::InspectArgs),
     Eval(eval::EvalArgs),
+    Shot(shot::ShotArgs),
+    #[command(name = read_stage::NAME, hide = true)]
+    ReadStage(read_stage::ReadStageArgs),
 }
 
 /// Why the process ends as it does.
@@ -45,36 +53,44 @@ enum Exit {
     Good = 0,
     Nothing = 1,
     Partly = 2,
+    SwitchedOff = 3,
     Stopped = 130,
 }
 
-impl From<Exit> for ExitCode {
-    fn from(exit: Exit) -> Self {
-        ExitCode::from(exit as u8)
-    }
-}
+/// What a signal does.
+pub type Handler = Box<dyn FnMut() + Send>;
+
+/// Has a handler called at every signal that asks the process to end.
+pub type CatchSignals<'a> = &'a dyn Fn(Handler) -> Result<()>;
 
 /// Runs the command with these arguments (the first is the program's name).
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let bad = |e: ctrlc::Error| Error::BadInput { input: "signal handler".into(), reason: e.to_string() };
+    ExitCode::from(run(args, &|handler| ctrlc::set_handler(handler).map_err(bad)))
+}
+
+/// As [`main`], for a caller that catches signals in its own way; returns the exit code.
+pub fn run(args: impl IntoIterator<Item = OsString>, catch_signals: CatchSignals) -> u8 {
     let cli = match Cli::try_parse_from(args) {
         Ok(cli) => cli,
         Err(error) => {
             let _ = error.print();
             let asked = matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion);
-            return if asked { Exit::Good } else { Exit::Nothing }.into();
+            return if asked { Exit::Good } else { Exit::Nothing } as u8;
         }
     };
     let exit = match cli.command {
-        Command::Denoise(args) => denoise::denoise(&args),
-        Command::Watch(args) => watch::watch_folder(&args),
+        Command::Denoise(args) => denoise::denoise(&args, catch_signals),
+        Command::Watch(args) => watch::watch_folder(&args, catch_signals),
         Command::Inspect(args) => inspect::inspect_files(&args),
         Command::Eval(args) => eval::eval(&args),
+        Command::Shot(args) => shot::shot(&args),
+        Command::ReadStage(args) => read_stage::read_stage(&args),
     };
     exit.unwrap_or_else(|error| {
         say_error(&error);
-        Exit::Nothing
-    })
-    .into()
+        if matches!(error, Error::SwitchedOff { .. }) { Exit::SwitchedOff } else { Exit::Nothing }
+    }) as u8
 }
 
 /// One line on standard output; a closed pipe is not an error.

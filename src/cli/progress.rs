@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
-use super::{print_json, say};
+use super::{print, print_json, say};
 use crate::shot::{Event, Status, Summary};
 
 /// How to tell.
@@ -19,6 +19,8 @@ pub(super) enum Mode {
     Quiet,
     /// One JSON object a line on standard output.
     Json,
+    /// The lines that a runner of OpenJD jobs understands, on standard output.
+    OpenJd,
 }
 
 impl Mode {
@@ -49,6 +51,7 @@ impl Progress {
     pub fn report(&self, event: &Event<'_>) {
         match self.mode {
             Mode::Json => print_json(event),
+            Mode::OpenJd => openjd(event).into_iter().for_each(print),
             Mode::Quiet => {
                 if let Event::Error { frame, message } = event {
                     say(error_text(*frame, message));
@@ -95,6 +98,23 @@ impl Progress {
 
 pub(super) fn error_text(frame: Option<i64>, message: &str) -> String {
     frame.map_or_else(|| format!("error: {message}"), |f| format!("error: frame {f}: {message}"))
+}
+
+/// An event as OpenJD's progress, status and failure lines; the rest goes to the log.
+fn openjd(event: &Event<'_>) -> Vec<String> {
+    // A runner reads line by line.
+    let flat = |text: String| text.replace(['\n', '\r'], " ");
+    let words = line(event).map(flat);
+    match event {
+        Event::Frame { finished, frames, .. } => {
+            let progress = format!("openjd_progress: {:.1}", 100.0 * *finished as f64 / (*frames).max(1) as f64);
+            words.into_iter().chain([progress]).collect()
+        }
+        Event::Working { frame } => vec![format!("openjd_status: frame {frame}")],
+        Event::Start { .. } | Event::Done(_) => words.map(|w| format!("openjd_status: {w}")).into_iter().collect(),
+        Event::Error { .. } => words.map(|w| format!("openjd_fail: {}", w.trim_start_matches("error: "))).into_iter().collect(),
+        _ => words.into_iter().collect(),
+    }
 }
 
 /// An event as one line.
@@ -152,6 +172,30 @@ mod tests {
         for part in ["4 denoised", "2 already done", "1 failed", "2 without", "3 not done", "missing: 12", "interrupted"] {
             assert!(text.contains(part), "{part} in {text}");
         }
+    }
+
+    #[test]
+    fn a_farm_reads_progress_status_and_failure() {
+        let error = Event::Error { frame: Some(12), message: "cut\nshort".into() };
+        assert_eq!(openjd(&error), ["openjd_fail: frame 12: cut short"]);
+        assert_eq!(openjd(&Event::Working { frame: 3 }), ["openjd_status: frame 3"]);
+        let frame = Event::Frame {
+            frame: 3,
+            status: Status::Denoised,
+            lambda: 1.0,
+            source: "a".into(),
+            output: "b".into(),
+            neighbours: vec![],
+            reason: None,
+            seconds: 1.0,
+            finished: 1,
+            frames: 3,
+        };
+        assert_eq!(openjd(&frame), ["frame 3 denoised in 1.0 s (1/3)", "openjd_progress: 33.3"]);
+        assert!(
+            openjd(&Event::Done(&Summary { frames: 1, written: 1, ..Summary::default() }))[0]
+                .starts_with("openjd_status: 1 denoised")
+        );
     }
 
     #[test]

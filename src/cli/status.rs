@@ -33,7 +33,8 @@ impl Status {
                     say(line);
                 }
             }
-            Mode::Lines => {
+            // A watch has no end to come nearer to, so a farm gets lines.
+            Mode::Lines | Mode::OpenJd => {
                 // The same state may come and go many times; it is told once.
                 if let Some(line) = text(event).filter(|line| self.last.replace(line.clone()) != *line) {
                     say(line);

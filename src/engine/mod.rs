@@ -5,9 +5,9 @@ use paths::{Path, paths};
 use unpack::{own_pixels, unpack};
 
 use crate::error::{Error, Result};
-use crate::frame::packed::PackedFrame;
+use crate::frame::packed::{Guides, PackedFrame};
 use crate::frame::ranges::Ranges;
-use crate::frame::{Aov, Frame};
+use crate::frame::{Aov, Frame, FrameView};
 use crate::kernels::Channels;
 use crate::kernels::planes::Planes;
 use crate::network::body::Body;
@@ -41,6 +41,8 @@ pub struct Settings {
     pub skip: Skip,
     /// The instruction set; None is the fastest. AVX2 and AVX-512 give the same bits, the portable path agrees to 1e-4.
     pub isa: Option<Isa>,
+    /// Threads that compute; None is rayon's pool of all cores. Any number gives the same bits.
+    pub threads: Option<usize>,
 }
 
 /// A frame as the engine keeps it while it is in the window.
@@ -77,6 +79,7 @@ pub struct Denoised {
 pub struct Engine {
     settings: Settings,
     isa: Isa,
+    pool: Option<rayon::ThreadPool>,
     encoder: Encoder,
     temporal: Temporal,
     body: Body,
@@ -101,7 +104,10 @@ impl Engine {
     /// An engine with weights in memory. Errors name the tensor that is missing or misshapen.
     pub fn from_weights(weights: &Weights, settings: Settings) -> Result<Self> {
         let a = &weights.architecture;
+        let bad_threads = |e: rayon::ThreadPoolBuildError| Error::BadSetting { name: "threads", reason: e.to_string() };
+        let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(bad_threads);
         Ok(Self {
+            pool: settings.threads.map(pool).transpose()?,
             isa: settings.isa.unwrap_or_else(Isa::detect),
             settings,
             encoder: Encoder::new(weights)?,
@@ -119,13 +125,40 @@ impl Engine {
     ///
     /// Errors where passes differ in size or the frame is empty.
     pub fn encode(&self, frame: Frame) -> Result<EncodedFrame> {
+        let packed = self.pack(&frame.view())?;
+        // Of the frame only the guides are needed from here on: large frames want the memory.
+        let Frame { albedo, normal, .. } = frame;
+        let guides = Guides { albedo: albedo.as_ref().map(|a| a.view()), normal: normal.as_ref().map(|n| n.view()) };
+        Ok(self.finish_encoding(packed, &guides))
+    }
+
+    /// As [`Engine::encode`], for passes that lie elsewhere, in any layout; none of them is copied.
+    pub fn encode_view(&self, frame: &FrameView) -> Result<EncodedFrame> {
+        let guides = Guides { albedo: frame.albedo, normal: frame.normal };
+        Ok(self.finish_encoding(self.pack(frame)?, &guides))
+    }
+
+    fn pack(&self, frame: &FrameView) -> Result<PackedFrame> {
         let (rows, columns) = frame.size();
         if rows == 0 || columns == 0 {
             return Err(Error::BadInput { input: "frame".into(), reason: format!("{columns}×{rows} has no pixels") });
         }
-        let (packed, guides) = PackedFrame::new(frame, self.epsilon)?;
-        let features = self.encoder.run(self.isa, &packed, &guides);
-        Ok(EncodedFrame { ranges: Ranges::new(&packed), packed, features })
+        self.in_pool(|| PackedFrame::new(frame, self.epsilon))
+    }
+
+    fn finish_encoding(&self, packed: PackedFrame, guides: &Guides) -> EncodedFrame {
+        self.in_pool(|| {
+            let features = self.encoder.run(self.isa, &packed, guides);
+            EncodedFrame { ranges: Ranges::new(&packed), packed, features }
+        })
+    }
+
+    /// Does some work with the threads that the settings allow.
+    pub fn in_pool<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
+        match &self.pool {
+            Some(pool) => pool.install(work),
+            None => work(),
+        }
     }
 
     /// Denoises `centre`.
@@ -155,12 +188,12 @@ impl Engine {
                 reason: "was encoded for another network: encode it again".into(),
             });
         }
-        Ok(self.run(&self.plan(centre, neighbours), lambda))
+        Ok(self.in_pool(|| self.run(&self.plan(centre, neighbours), lambda)))
     }
 
     /// What of `centre` will be computed, and what left out; arguments as for [`denoise`](Self::denoise).
     pub fn left_out(&self, centre: &EncodedFrame, neighbours: &[(i32, &EncodedFrame)]) -> LeftOut {
-        self.plan(centre, neighbours).left_out
+        self.in_pool(|| self.plan(centre, neighbours).left_out)
     }
 
     fn plan<'a>(&self, centre: &'a EncodedFrame, neighbours: &[(i32, &'a EncodedFrame)]) -> FramePlan<'a> {
@@ -310,4 +343,5 @@ struct Stages {
 #[cfg(test)]
 mod golden_tests;
 mod paths;
+pub(crate) mod probe;
 mod unpack;

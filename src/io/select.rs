@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::layout::{Channel, Layout, Pass, SampleType, ViewLayer};
 use super::lights;
+use super::pass_names::{self, PassNames};
 use crate::error::{Error, Result};
 
 /// The pass that holds the noisy beauty where Cycles denoised Combined.
@@ -40,6 +41,8 @@ pub struct Selection {
     pub guides: Guides,
     /// Light passes to denoise along with the beauty, by Blender 5's or 4's names, or `all`.
     pub aovs: Vec<String>,
+    /// What the passes are called, where not as Blender calls them.
+    pub passes: PassNames,
     /// Denoise `Combined` even where the file also holds `Noisy Image`, that is, where `Combined` is denoised already.
     pub denoised_ok: bool,
 }
@@ -120,10 +123,13 @@ pub struct Resolved {
 pub fn resolve(layout: &Layout, selection: &Selection) -> Result<Resolved> {
     let layer = pick_layer(layout, selection)?;
     let view = pick_view(layout, layer, selection)?;
-    let beauty = beauty(layer, view);
+    let names = &selection.passes;
+    let beauty = beauty(layer, view, names);
     let noisy = layer.pass(NOISY, view).filter(|p| rgb(p).is_some() && (!selection.denoised_ok || beauty.is_none()));
+    // Who names the beauty means that pass and no other.
+    let noisy = noisy.filter(|_| names.beauty.is_none());
     let Some(colour) = noisy.or(beauty) else {
-        return Err(no_beauty(layout, layer));
+        return Err(no_beauty(layout, layer, names));
     };
     let target = beauty.unwrap_or(colour);
     let mut notes = Vec::new();
@@ -131,20 +137,20 @@ pub fn resolve(layout: &Layout, selection: &Selection) -> Result<Resolved> {
         notes.push("The file holds Noisy Image but no Combined: Noisy Image itself is replaced.".into());
     }
     let pass_ref = |pass: &Pass, channels| PassRef::new(layer, pass, channels);
-    let rgb_ref = |pass: &Pass| rgb(pass).map(|channels| pass_ref(pass, channels)).ok_or_else(|| no_beauty(layout, layer));
+    let rgb_ref = |pass: &Pass| rgb(pass).map(|channels| pass_ref(pass, channels)).ok_or_else(|| no_beauty(layout, layer, names));
     let colour_ref = rgb_ref(colour)?;
     let part = colour_ref.channels.first().and_then(|c| layout.part_list.get(c.part));
     let (columns, rows) = part.map_or((layout.columns, layout.rows), |p| (p.columns, p.rows));
 
     let mut guides = GuideFinder { layout, layer, view, window: window_of(layout, &colour_ref), missing: Vec::new() };
     let wanted = selection.guides;
-    let albedo = wanted.albedo.then(|| guides.find(&["Denoising Albedo"], &[&["R", "G", "B"]], DENOISING_DATA)).flatten();
-    let normal = wanted
-        .normal
-        .then(|| guides.find(&["Denoising Normal"], &[&["X", "Y", "Z"], &["R", "G", "B"]], DENOISING_DATA))
-        .flatten();
+    let mut find = |wanted: bool, own: &Option<String>, names: &[&str], letters: &[&[&str]]| {
+        wanted.then(|| guides.find(own.as_deref(), names, letters, DENOISING_DATA)).flatten()
+    };
+    let albedo = find(wanted.albedo, &names.albedo, &["Denoising Albedo"], &[&["R", "G", "B"]]);
+    let normal = find(wanted.normal, &names.normal, &["Denoising Normal"], &[&["X", "Y", "Z"], &["R", "G", "B"]]);
     let depth_letters: &[&[&str]] = &[&["Z"], &["V"], &["R"], &["X"], &["Y"]];
-    let depth = wanted.depth.then(|| guides.find(&["Denoising Depth", "Depth"], depth_letters, DENOISING_DATA)).flatten();
+    let depth = find(wanted.depth, &names.depth, &["Denoising Depth", "Depth"], depth_letters);
     let vector = match wanted.vector {
         true => vector(layout, selection, &mut guides)?,
         false => None,
@@ -152,7 +158,7 @@ pub fn resolve(layout: &Layout, selection: &Selection) -> Result<Resolved> {
     let missing_guides = std::mem::take(&mut guides.missing);
     let (aovs, missing_lights) = lights::find(layout, layer, view, &selection.aovs, guides.window)?;
 
-    let others: Vec<&str> = candidates(layout).map(|l| l.name.as_str()).filter(|n| *n != layer.name).collect();
+    let others: Vec<&str> = candidates(layout, names).map(|l| l.name.as_str()).filter(|n| *n != layer.name).collect();
     if selection.layers.is_empty() && !others.is_empty() {
         notes.push(format!(
             "The file holds several view layers; {} is denoised, {} stays as it is.",
@@ -178,7 +184,9 @@ pub fn resolve(layout: &Layout, selection: &Selection) -> Result<Resolved> {
         alpha: colour.channel("A").cloned(),
         target_alpha: target.channel("A").cloned(),
         target: rgb_ref(target)?,
-        surely_noisy: noisy.is_some() || (layer.pass(NOISY, view).is_none() && layer.pass("Denoising Albedo", view).is_some()),
+        surely_noisy: noisy.is_some()
+            || names.beauty.is_some()
+            || (layer.pass(NOISY, view).is_none() && layer.pass("Denoising Albedo", view).is_some()),
         colour: colour_ref,
         albedo,
         normal,
@@ -217,7 +225,10 @@ pub(crate) fn rgb(pass: &Pass) -> Option<Vec<Channel>> {
     pass.components(&["R", "G", "B"]).filter(|channels| channels.iter().all(|c| c.sample != SampleType::Uint))
 }
 
-fn beauty<'a>(layer: &'a ViewLayer, view: Option<&str>) -> Option<&'a Pass> {
+fn beauty<'a>(layer: &'a ViewLayer, view: Option<&str>, names: &PassNames) -> Option<&'a Pass> {
+    if let Some(name) = &names.beauty {
+        return pass_names::find(layer, name, view).filter(|p| rgb(p).is_some());
+    }
     let named = BEAUTY.iter().find_map(|name| layer.pass(name, view).filter(|p| rgb(p).is_some()));
     // A File Output node's layers may have any name: take the only one with colour and alpha.
     named.or_else(|| {
@@ -234,10 +245,11 @@ fn beauty<'a>(layer: &'a ViewLayer, view: Option<&str>) -> Option<&'a Pass> {
 }
 
 /// The layers that hold a beauty.
-fn candidates(layout: &Layout) -> impl Iterator<Item = &ViewLayer> {
+fn candidates<'a>(layout: &'a Layout, names: &PassNames) -> impl Iterator<Item = &'a ViewLayer> {
     layout.layers.iter().filter(|layer| {
         let views = layer.views.iter().map(|v| Some(v.as_str())).chain([None]);
-        views.into_iter().any(|view| beauty(layer, view).is_some() || layer.pass(NOISY, view).is_some_and(|p| rgb(p).is_some()))
+        let noisy = |view| names.beauty.is_none() && layer.pass(NOISY, view).is_some_and(|p| rgb(p).is_some());
+        views.into_iter().any(|view| beauty(layer, view, names).is_some() || noisy(view))
     })
 }
 
@@ -250,14 +262,16 @@ fn pick_layers<'a>(layout: &'a Layout, selection: &Selection) -> Result<Vec<&'a 
     for name in &selection.layers {
         let named: Vec<&ViewLayer> = match layout.layer(name) {
             Some(layer) => vec![layer],
-            None if name == ALL => candidates(layout).filter(|l| Some(&l.name) != selection.vector_layer.as_ref()).collect(),
+            None if name == ALL => {
+                candidates(layout, &selection.passes).filter(|l| Some(&l.name) != selection.vector_layer.as_ref()).collect()
+            }
             None => return Err(missing_layer(layout, name)),
         };
         let new = named.into_iter().filter(|l| !picked.iter().any(|p| p.name == l.name)).collect::<Vec<_>>();
         picked.extend(new);
     }
     let first = layout.layers.first().filter(|_| picked.is_empty());
-    first.map_or(Ok(picked), |layer| Err(no_beauty(layout, layer)))
+    first.map_or(Ok(picked), |layer| Err(no_beauty(layout, layer, &selection.passes)))
 }
 
 fn pick_layer<'a>(layout: &'a Layout, selection: &Selection) -> Result<&'a ViewLayer> {
@@ -266,12 +280,15 @@ fn pick_layer<'a>(layout: &'a Layout, selection: &Selection) -> Result<&'a ViewL
         return first.ok_or_else(|| Error::bad_file(&layout.path, "holds no layers"));
     }
     // A one-sample layer for the vectors must not win; the first wins among equals.
-    let ranked = candidates(layout).filter(|l| Some(&l.name) != selection.vector_layer.as_ref() || layout.layers.len() == 1);
+    let ranked = candidates(layout, &selection.passes)
+        .filter(|l| Some(&l.name) != selection.vector_layer.as_ref() || layout.layers.len() == 1);
     let best = ranked.reduce(|best, layer| {
         let rank = |l: &ViewLayer| (l.samples.unwrap_or(0), l.passes.len());
         if rank(layer) > rank(best) { layer } else { best }
     });
-    best.or(candidates(layout).next()).or(layout.layers.first()).ok_or_else(|| Error::bad_file(&layout.path, "holds no layers"))
+    best.or(candidates(layout, &selection.passes).next())
+        .or(layout.layers.first())
+        .ok_or_else(|| Error::bad_file(&layout.path, "holds no layers"))
 }
 
 fn missing_layer(layout: &Layout, name: &str) -> Error {
@@ -294,7 +311,11 @@ fn pick_view<'a>(layout: &Layout, layer: &'a ViewLayer, selection: &Selection) -
     })
 }
 
-fn no_beauty(layout: &Layout, layer: &ViewLayer) -> Error {
+fn no_beauty(layout: &Layout, layer: &ViewLayer, names: &PassNames) -> Error {
+    if let Some(name) = &names.beauty {
+        let advice = format!("it was named as the beauty, with the channels R, G, B; {}", pass_names::there(layout));
+        return Error::MissingPass { path: layout.path.clone(), pass: name.clone(), advice };
+    }
     let grey = layer.passes.iter().any(|p| p.channels.len() == 1 && matches!(p.channels[0].component.as_str(), "Y" | "V"));
     let advice = match layer.passes.iter().any(|p| p.name == "Combined") || (grey && layer.passes.len() == 1) {
         true => "the image is black and white: render with Output › Color › RGB or RGBA",
@@ -325,11 +346,16 @@ struct GuideFinder<'a> {
 }
 
 impl GuideFinder<'_> {
-    /// The first of `names` that has one of the sets of `letters`.
-    fn find(&mut self, names: &[&str], letters: &[&[&str]], advice: &str) -> Option<PassRef> {
-        let mut reason = advice.to_owned();
+    /// The pass that the user calls `own`, else the first of `names`, that has one of the sets of `letters`.
+    fn find(&mut self, own: Option<&str>, names: &[&str], letters: &[&[&str]], advice: &str) -> Option<PassRef> {
+        let mut reason = own.map_or_else(|| advice.to_owned(), |_| pass_names::there(self.layout));
+        let names = if own.is_some() { own.as_slice() } else { names };
         for name in names {
-            let Some(pass) = self.layer.pass(name, self.view) else { continue };
+            let pass = self.layer.pass(name, self.view);
+            let Some(pass) = pass.or_else(|| own.and_then(|n| pass_names::anywhere(self.layout, self.layer, n, self.view)))
+            else {
+                continue;
+            };
             let Some(channels) = letters.iter().find_map(|set| pass.components(set)) else {
                 reason = format!("the pass is there, but not with the channels {}", letters[0].join(", "));
                 continue;
@@ -351,7 +377,8 @@ fn vector<'a>(layout: &'a Layout, selection: &Selection, guides: &mut GuideFinde
     if let Some(name) = &selection.vector_layer {
         guides.layer = layout.layer(name).ok_or_else(|| missing_layer(layout, name))?;
     }
-    let found = guides.find(&["Vector"], &[&["X", "Y", "Z", "W"], &["R", "G", "B", "A"]], VECTOR);
+    let found =
+        guides.find(selection.passes.vector.as_deref(), &["Vector"], &[&["X", "Y", "Z", "W"], &["R", "G", "B", "A"]], VECTOR);
     let searched = std::mem::replace(&mut guides.layer, own_layer);
     let (None, Some(missing)) = (&found, guides.missing.last_mut()) else {
         return Ok(found);

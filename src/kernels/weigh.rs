@@ -65,6 +65,13 @@ pub struct Weights {
     scales: Vec<f32>,
 }
 
+impl Weights {
+    /// One over each pixel's sum of weights, [phase][32]; zero where no tap was usable.
+    pub fn scales(&self) -> &[f32] {
+        &self.scales
+    }
+}
+
 /// Softmax over the images' taps, those outside the mask left out, and the weighted sums of `channels`: `out` [channel][phase][32].
 ///
 /// `y`, `x` count the images' pixels (half-resolution pixels where they have four phases); `mask` is the mask's channel.
@@ -136,9 +143,9 @@ fn weigh<L: Lanes>(
         let logits = &image.logits[phase * image.pitch * SEGMENT..][..image.len() * SEGMENT];
         for (offset, tap) in image.offsets[phase].iter().zip(logits.chunks_exact(SEGMENT)) {
             let usable = &image.image.data()[(start + offset) as usize..][..SEGMENT];
-            for part in 0..2 {
+            for (part, greatest) in greatest.iter_mut().enumerate() {
                 let logit = l.min(l.max(l.load(tap, 16 * part), low), high);
-                greatest[part] = l.max(greatest[part], l.fma(l.load(usable, 16 * part), above, logit));
+                *greatest = l.max(*greatest, l.fma(l.load(usable, 16 * part), above, logit));
             }
         }
     }

@@ -83,22 +83,20 @@ impl Levels<'_> {
         }
     }
 
-    /// Quarter and half resolution: values and mask over the whole region, zero outside it.
+    /// Quarter and half resolution: values and mask over the whole region, zero outside it. What holds no usable pixel itself is
+    /// usable where any of its taps was: that fills holes from afar.
     fn coarse_level(&self, head: &Head, features: &Activation, level: &Level, coarser: Option<&Planes>) -> Planes {
         let reach = self.reach(level, 1, self.widths[0], self.widths[1], coarser.map(|c| (c, 2)));
         let mut out = Planes::new(self.channels.coarse(), level.centre.rows(), level.centre.columns(), self.margins.coarse);
-        let mask = self.channels.mask();
         out.rows_mut().enumerate().for_each(|(y, mut row)| {
-            let values = self.channels.values;
-            let mut line = vec![0.0; values * features.columns().next_multiple_of(SEGMENT)];
+            let mut line = vec![0.0; self.channels.coarse() * features.columns().next_multiple_of(SEGMENT)];
             coarse_row(self.isa, self, head, features, level, coarser, &reach, y, &mut line);
-            let stride = line.len() / values;
+            let stride = line.len() / self.channels.coarse();
             for (channel, from) in line.chunks_exact(stride).enumerate() {
                 let to = row.plane(channel);
                 let columns = to.len();
                 to.copy_from_slice(&from[..columns]);
             }
-            row.plane(mask).copy_from_slice(level.centre.row(mask, y));
         });
         out
     }
@@ -135,7 +133,7 @@ fn coarse_row_body<L: Lanes>(
     line: &mut [f32],
 ) {
     let values = levels.channels.values;
-    let stride = line.len() / values;
+    let stride = line.len() / levels.channels.coarse();
     let mut logits = head.buffers(levels.neighbours.len());
     let mut weights = Weights::default();
     let mut values_of = vec![0.0; values * SEGMENT];
@@ -154,6 +152,8 @@ fn coarse_row_body<L: Lanes>(
         for (channel, from) in values_of.chunks_exact(SEGMENT).enumerate() {
             line[channel * stride + x..][..SEGMENT].copy_from_slice(from);
         }
+        let mask = &mut line[levels.channels.mask() * stride + x..][..SEGMENT];
+        mask.iter_mut().zip(weights.scales()).for_each(|(to, scale)| *to = f32::from(*scale > 0.0));
     }
 }
 

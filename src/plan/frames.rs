@@ -1,14 +1,49 @@
 //! Which frames of a shot to write: `1-48,60`.
 
+use std::fmt::{self, Display, Formatter};
 use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
 
 use crate::error::Error;
 
-/// A set of frame numbers, kept as ranges.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// A set of frame numbers, kept as ranges. In files a text such as `1-48,60`, or one number.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "Written", into = "Written")]
 pub struct FrameSet {
     /// Sorted, disjoint, both ends included.
     ranges: Vec<(i64, i64)>,
+}
+
+/// As files hold it.
+#[derive(Serialize, Deserialize)]
+#[serde(untagged, expecting = "expected frames such as \"1-48,60\"")]
+enum Written {
+    Number(i64),
+    Text(String),
+}
+
+impl TryFrom<Written> for FrameSet {
+    type Error = Error;
+
+    fn try_from(written: Written) -> Result<Self, Error> {
+        match written {
+            Written::Number(number) => number.to_string().parse(),
+            Written::Text(text) => text.parse(),
+        }
+    }
+}
+
+impl From<FrameSet> for Written {
+    fn from(set: FrameSet) -> Self {
+        Self::Text(set.to_string())
+    }
+}
+
+impl Display for FrameSet {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        f.write_str(&show_ranges(&self.ranges))
+    }
 }
 
 impl FrameSet {
@@ -110,6 +145,19 @@ mod tests {
         assert_eq!(parse("7"), [(7, 7)]);
         for bad in ["", "a", "1-", "5-1", "1,,2", "1-2-3", "é-3", "9999999999999999999"] {
             assert!(bad.parse::<FrameSet>().is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn files_hold_a_text_or_a_number() {
+        let set: FrameSet = "60,-3-48".parse().unwrap();
+        assert_eq!(serde_json::to_string(&set).unwrap(), "\"-3-48,60\"");
+        for text in ["\"-3-48, 60\"", "\"-3-20,21-48,60\""] {
+            assert_eq!(serde_json::from_str::<FrameSet>(text).unwrap(), set);
+        }
+        assert_eq!(serde_json::from_str::<FrameSet>("7").unwrap(), "7".parse().unwrap());
+        for bad in ["\"5-1\"", "1.5", "[1, 2]", "true"] {
+            assert!(serde_json::from_str::<FrameSet>(bad).is_err(), "{bad}");
         }
     }
 

@@ -23,7 +23,7 @@ pub struct Lambda {
 
 /// As files hold it.
 #[derive(Clone, Serialize, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "expected a number from 1 to 64, or keys such as [[1, 1], [24, 8]] (frame, value)")]
 enum Written {
     Constant(f32),
     Keys(Vec<(f64, f32)>),
@@ -82,6 +82,11 @@ impl Lambda {
             (Some(only), None) | (None, Some(only)) => only.1,
             (None, None) => LAMBDA_RANGE.0,
         }
+    }
+
+    /// Frame and value, ascending, at least one; the frame means nothing where there is one key.
+    pub fn keys(&self) -> &[(f64, f32)] {
+        &self.keys
     }
 
     /// What to tell the user where a value was clamped.

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 use crate::io::sequence::Sequence;
-use crate::io::{Guides, Selection};
+use crate::io::{Guides, PassNames, Selection};
 use crate::network::weights::EMBEDDED;
 use crate::plan::frames::FrameSet;
 use crate::plan::lambda::Lambda;
@@ -37,6 +37,8 @@ pub struct Job {
     pub strict: bool,
     /// What the engine's weights are, for the manifest.
     pub model: ModelId,
+    /// What is odd about the settings themselves; told once.
+    pub notes: Vec<String>,
 }
 
 /// What is known of a shot beyond the files that a job is given.
@@ -65,6 +67,7 @@ impl Job {
             overwrite: false,
             strict: false,
             model: ModelId::embedded(),
+            notes: Vec::new(),
         }
     }
 
@@ -97,6 +100,7 @@ impl Job {
             view: s.view.clone(),
             vector_layer: s.vector_layer.clone(),
             guides: GuideSettings::from(&s.guides),
+            passes: s.passes.clone(),
             aovs: s.aovs.clone(),
             keep_noisy: self.keep_noisy,
             model: self.model.clone(),
@@ -143,6 +147,9 @@ pub struct FrameSettings {
     pub vector_layer: Option<String>,
     /// Guides that may be used.
     pub guides: GuideSettings,
+    /// Names of the passes, where they are not Blender's.
+    #[serde(default, skip_serializing_if = "PassNames::is_default")]
+    pub passes: PassNames,
     /// Light passes, as they were asked for.
     pub aovs: Vec<String>,
     /// The input was kept as `Noisy Image`.
@@ -184,6 +191,12 @@ impl FrameSettings {
             let on = [("albedo", g.albedo), ("normal", g.normal), ("depth", g.depth), ("vector", g.vector)];
             on.iter().filter(|(_, on)| *on).map(|(name, _)| *name).collect::<Vec<_>>().join("+")
         };
+        let passes = |p: &PassNames| {
+            let named =
+                [("beauty", &p.beauty), ("albedo", &p.albedo), ("normal", &p.normal), ("depth", &p.depth), ("vector", &p.vector)];
+            let named = named.iter().filter_map(|(pass, name)| Some(format!("{pass} {}", name.as_ref()?)));
+            Some(named.collect::<Vec<_>>().join("+")).filter(|all| !all.is_empty()).unwrap_or_else(|| "default".into())
+        };
         let pairs = [
             ("lambda", old.lambda.to_string(), self.lambda.to_string()),
             ("window", old.window.to_string(), self.window.to_string()),
@@ -191,6 +204,7 @@ impl FrameSettings {
             ("view", opt(&old.view), opt(&self.view)),
             ("vector layer", opt(&old.vector_layer), opt(&self.vector_layer)),
             ("guides", guides(&old.guides), guides(&self.guides)),
+            ("pass names", passes(&old.passes), passes(&self.passes)),
             ("AOVs", old.aovs.join("+"), self.aovs.join("+")),
             ("keep noisy", old.keep_noisy.to_string(), self.keep_noisy.to_string()),
             ("model", model(&old.model), model(&self.model)),

@@ -208,7 +208,8 @@ fn resolve_window(job: &Job, sources: &Sources, headers: &[Header], reach: usize
 }
 
 fn header_warnings(job: &Job, headers: &[Header], gaps: &[(i64, i64)]) -> Result<Vec<Warning>> {
-    let mut warnings: Vec<Warning> = job.lambda.note().map(|n| Warning::new(WarningKind::Setting, n)).into_iter().collect();
+    let odd = job.lambda.note().into_iter().chain(job.notes.iter().cloned());
+    let mut warnings: Vec<Warning> = odd.map(|n| Warning::new(WarningKind::Setting, n)).collect();
     for warning in [checks::missing_frames(gaps), checks::resolution(headers)].into_iter().flatten() {
         if job.strict {
             return Err(Error::BadInput { input: job.sequence.name.clone(), reason: warning.message });
@@ -264,7 +265,7 @@ fn plan_frames(
              --overwrite to replace them",
             foreign.len()
         );
-        return Err(Error::BadInput { input: first.display().to_string(), reason });
+        return Err(Error::io(first, std::io::Error::new(std::io::ErrorKind::AlreadyExists, reason)));
     }
     Ok(frames)
 }

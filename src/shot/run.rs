@@ -146,8 +146,8 @@ impl<'a> Run<'a> {
             let (decoded_in, decoded) = sync_channel(ahead);
             let (work, work_out) = sync_channel(0);
             let (written_in, written) = channel();
-            scope.spawn(move || decode(&order, plan, decoded_in));
-            scope.spawn(move || write(plan, keep_noisy, &work_out, &written_in));
+            scope.spawn(move || decode(&order, plan, engine, decoded_in));
+            scope.spawn(move || write(plan, keep_noisy, engine, &work_out, &written_in));
             self.compute(engine, cancel, left, &decoded, &work, &written);
             // Both threads end when their channels do; what the writer holds is written whole.
             drop((decoded, work));

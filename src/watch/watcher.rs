@@ -53,6 +53,8 @@ pub(super) struct Watcher<'a> {
     /// The input folder, as the system knows it; none while it is not there.
     root: Option<(u64, u64)>,
     real_input: PathBuf,
+    /// Shots whose settings cannot be had, until the next attempt.
+    refused: BTreeMap<ShotKey, Duration>,
     poll: Option<Duration>,
     next_scan: Duration,
     next_trim: Duration,
@@ -89,6 +91,7 @@ impl<'a> Watcher<'a> {
             eyes: Eyes::closed(),
             root: None,
             real_input: PathBuf::new(),
+            refused: BTreeMap::new(),
             poll: options.poll,
             next_scan: Duration::ZERO,
             next_trim: TRIM,
@@ -232,8 +235,22 @@ impl<'a> Watcher<'a> {
     fn seen(&mut self, place: Place, stamp: Stamp, closed: bool) -> Result<()> {
         let now = self.now();
         if !self.shots.contains_key(&place.key) {
-            let shot = Shot::new(&self.tree, &place, self.options, self.job)?;
-            self.shots.insert(ShotKey::clone(&place.key), shot);
+            if self.refused.get(&*place.key).is_some_and(|until| now < *until) {
+                return Ok(());
+            }
+            match Shot::new(&self.tree, &place, self.options, self.job) {
+                Ok(shot) => _ = self.shots.insert(ShotKey::clone(&place.key), shot),
+                Err(error) if self.options.once && !matches!(error, Error::SwitchedOff { .. }) => return Err(error),
+                // The other shots are not to suffer from it; the settings may be mended.
+                Err(error) => {
+                    self.refused.insert(ShotKey::clone(&place.key), now + RESCAN);
+                    let message = format!("left out {}: {error}", place.key.name(place.digits));
+                    if self.told_ignored.insert(message.clone().into()) {
+                        self.warn(message);
+                    }
+                    return Ok(());
+                }
+            }
         }
         let Some(shot) = self.shots.get_mut(&place.key) else { return Ok(()) };
         if self.poll.is_some() {

@@ -37,6 +37,12 @@ def hush() -> Hush:
 
 
 @pytest.fixture(scope="session")
+def command_line(hush: Hush) -> Hush:
+    """The same, for tests that have the module by the name of hush."""
+    return hush
+
+
+@pytest.fixture(scope="session")
 def denoised(hush: Hush, shot: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The sample shot, denoised once with the defaults."""
     output = tmp_path_factory.mktemp("denoised") / "shot"

@@ -1,7 +1,12 @@
 //! Sizes in bytes as people write them: `4G`, `512M`, `1.5GiB`.
 
+use serde::{Deserialize, Deserializer};
+
 /// Parses a size; units are powers of 1024.
-pub(super) fn parse_size(text: &str) -> Result<u64, String> {
+///
+/// # Errors
+/// In words, where it is none or not above 0.
+pub fn parse_size(text: &str) -> Result<u64, String> {
     let advice = || format!("'{text}' is no size: write 4G or 512M");
     let lower = text.trim().to_ascii_lowercase();
     let digits = lower.len() - lower.trim_start_matches(|c: char| c.is_ascii_digit() || c == '.').len();
@@ -16,6 +21,22 @@ pub(super) fn parse_size(text: &str) -> Result<u64, String> {
     };
     let bytes = number.parse::<f64>().map_err(|_| advice())? * 1024f64.powi(power);
     if (1.0..1e18).contains(&bytes) { Ok(bytes as u64) } else { Err(advice()) }
+}
+
+/// A number of bytes, or a text.
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "expected a size such as \"4G\"")]
+enum Written {
+    Bytes(u64),
+    Text(String),
+}
+
+pub(super) fn bytes<'de, D: Deserializer<'de>>(from: D) -> Result<Option<u64>, D::Error> {
+    let text = match Written::deserialize(from)? {
+        Written::Bytes(bytes) => bytes.to_string(),
+        Written::Text(text) => text,
+    };
+    parse_size(&text).map(Some).map_err(serde::de::Error::custom)
 }
 
 #[cfg(test)]

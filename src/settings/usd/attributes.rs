@@ -1,0 +1,193 @@
+//! The `hush:` attributes of one prim, and `denoise:enable`.
+
+use std::path::{Path, PathBuf};
+
+use openusd::sdf::{FieldKey, Value};
+use openusd::usd::{Attribute, Prim, Stage};
+
+use super::prims::words;
+use super::values::{boolean, integer, number, text, texts};
+use crate::plan::lambda::Lambda;
+use crate::settings::layered::{Layered, Origin};
+use crate::settings::names::{parse_guides, without_none};
+use crate::settings::nearest::hint;
+use crate::settings::size::parse_size;
+use crate::settings::{KEYS, ShotSettings};
+
+const OURS: &str = "hush:";
+
+/// The settings of a prim. Attributes in the `hush:` namespace that no setting has become notes.
+pub(super) fn read(stage: &Stage, prim: &Prim) -> Result<Layered, String> {
+    let mut all = Layered::default();
+    for name in prim.property_names().map_err(words)? {
+        let key = KEYS.iter().find(|k| k.usd == &*name);
+        if key.is_none() && !name.starts_with(OURS) {
+            continue;
+        }
+        let attribute = prim.attribute(&*name);
+        let Some(key) = key else {
+            let valid = KEYS.iter().map(|k| k.usd).filter(|n| n.starts_with(OURS));
+            let (file, where_) = place(&attribute)?;
+            all.notes.push(format!("{}: <{where_}> is no setting of Hush{}", file.display(), hint(&name, valid)));
+            continue;
+        };
+        let mut one = Layered::default();
+        if set(stage, &attribute, key.name, &mut one.values)? {
+            let (file, _) = place(&attribute)?;
+            let origin = || Origin::Usd { file: file.clone(), prim: prim.path().to_string(), attribute: name.to_string() };
+            all = Layered::new(one.values, |_| origin()).over(all);
+        }
+    }
+    Ok(all)
+}
+
+/// The strongest opinion on an attribute.
+struct Opinion {
+    layer: PathBuf,
+    /// It has time samples; they count more than a default in the same layer.
+    samples: bool,
+}
+
+/// The first layer that says a value. openusd prefers the time samples of any layer, USD those of the strongest layer only.
+fn opinion(attribute: &Attribute) -> Result<Option<Opinion>, String> {
+    let stage = attribute.stage();
+    for (name, path) in attribute.property_stack().map_err(words)? {
+        let Some(layer) = stage.layer(&name) else { continue };
+        let Some(spec) = layer.attribute(path) else { continue };
+        let samples = spec.has_field(FieldKey::TimeSamples.as_str());
+        if samples || spec.has_field(FieldKey::Default.as_str()) {
+            return Ok(Some(Opinion { layer: name.into(), samples }));
+        }
+    }
+    Ok(None)
+}
+
+/// The layer that holds an attribute's strongest opinion, and the attribute's path.
+pub(super) fn place(attribute: &Attribute) -> Result<(PathBuf, String), String> {
+    let first = || Ok::<_, String>(attribute.property_stack().map_err(words)?.into_iter().next().map(|(layer, _)| layer.into()));
+    let layer = opinion(attribute)?.map(|o| o.layer).map_or_else(first, |layer| Ok(Some(layer)))?;
+    Ok((layer.unwrap_or_default(), attribute.path().to_string()))
+}
+
+/// The time samples of an attribute, none where a stronger layer has a constant value.
+pub(super) fn samples(attribute: &Attribute) -> Result<Vec<(f64, Value)>, String> {
+    match opinion(attribute)? {
+        Some(Opinion { samples: true, .. }) => Ok(attribute.time_samples().map_err(words)?.unwrap_or_default()),
+        _ => Ok(Vec::new()),
+    }
+}
+
+/// The value of an attribute that stays the same over time; None where nothing is authored.
+pub(super) fn constant(attribute: &Attribute) -> Result<Option<Value>, String> {
+    if !samples(attribute)?.is_empty() {
+        return Err(complaint(attribute, "has time samples, and only hush:lambda may change over the shot"));
+    }
+    let value = attribute.get::<Value>().map_err(words)?;
+    Ok(value.filter(|v| !matches!(v, Value::ValueBlock)))
+}
+
+/// Reads one attribute into the settings; false where it has no value.
+fn set(stage: &Stage, attribute: &Attribute, name: &str, into: &mut ShotSettings) -> Result<bool, String> {
+    if name == "lambda" {
+        into.lambda = lambda(stage, attribute)?;
+        return Ok(into.lambda.is_some());
+    }
+    let Some(value) = constant(attribute)? else { return Ok(false) };
+    let wrong = |expected: &str| complaint(attribute, &format!("is {}, expected {expected}", shown(attribute, &value)));
+    let one = || text(&value).ok_or_else(|| wrong("a string"));
+    let list = || texts(&value).ok_or_else(|| wrong("a list of tokens")).map(without_none);
+    let flag = || boolean(&value).ok_or_else(|| wrong("a bool"));
+    let said = |e: crate::Error| complaint(attribute, &e.to_string());
+    match name {
+        "enable" => into.enable = Some(flag()?),
+        "keep_noisy" => into.keep_noisy = Some(flag()?),
+        "window" => {
+            let window = integer(&value).ok_or_else(|| wrong("an int from 0 to 3"))?;
+            into.window = Some(usize::try_from(window).map_err(|_| wrong("0 to 3"))?);
+        }
+        "input" => into.input = Some(anchored(attribute, one()?)?),
+        "output" => into.output = Some(anchored(attribute, one()?)?),
+        "model" => into.model = Some(anchored(attribute, one()?)?),
+        "frames" => {
+            let frames = integer(&value).map_or_else(one, |n| Ok(n.to_string()))?;
+            into.frames = Some(frames.parse().map_err(said)?);
+        }
+        "layers" => into.layers = Some(list()?),
+        "aovs" => into.aovs = Some(list()?),
+        "guides" => into.guides = Some(parse_guides(&texts(&value).ok_or_else(|| wrong("a list of tokens"))?).map_err(said)?),
+        "view" => into.view = Some(one()?),
+        "vector_layer" => into.vector_layer = Some(one()?),
+        "memory" => {
+            let size = integer(&value).map_or_else(one, |n| Ok(n.to_string()))?;
+            into.memory = Some(parse_size(&size).map_err(|e| complaint(attribute, &e))?);
+        }
+        "passes.beauty" => into.passes.beauty = Some(one()?),
+        "passes.albedo" => into.passes.albedo = Some(one()?),
+        "passes.normal" => into.passes.normal = Some(one()?),
+        "passes.depth" => into.passes.depth = Some(one()?),
+        "passes.vector" => into.passes.vector = Some(one()?),
+        _ => return Ok(false),
+    }
+    Ok(true)
+}
+
+/// λ: its time samples as keys, else its value.
+fn lambda(stage: &Stage, attribute: &Attribute) -> Result<Option<Lambda>, String> {
+    let wrong = |value: &Value| {
+        complaint(attribute, &format!("is {}, expected a float from 1 to 64, or time samples of it", shown(attribute, value)))
+    };
+    let said = |e: crate::Error| complaint(attribute, &e.to_string());
+    let samples = samples(attribute)?;
+    if samples.is_empty() {
+        let Some(value) = constant(attribute)? else { return Ok(None) };
+        let number = number(&value).ok_or_else(|| wrong(&value))?;
+        return Lambda::constant(number as f32).map(Some).map_err(said);
+    }
+    let frames = frames_per_time_code(stage)?;
+    let key = |(time, value): &(f64, Value)| Ok((time * frames, number(value).ok_or_else(|| wrong(value))? as f32));
+    let keys = samples.iter().map(key).collect::<Result<Vec<_>, String>>()?;
+    Lambda::keyed(keys).map(Some).map_err(said)
+}
+
+/// Time codes are frames, unless the stage says both how many frames and how many time codes a second has.
+pub(super) fn frames_per_time_code(stage: &Stage) -> Result<f64, String> {
+    let rate = |name: &str| Ok::<_, String>(stage.stage_metadata(name).map_err(words)?.as_ref().and_then(number));
+    let sound = |rate: &f64| rate.is_finite() && *rate > 0.0;
+    match (rate("framesPerSecond")?.filter(sound), rate("timeCodesPerSecond")?.filter(sound)) {
+        (Some(frames), Some(codes)) => Ok(frames / codes),
+        _ => Ok(1.0),
+    }
+}
+
+/// A path as it is meant: relative to the layer that says it.
+fn anchored(attribute: &Attribute, path: String) -> Result<PathBuf, String> {
+    let (file, _) = place(attribute)?;
+    if path.is_empty() {
+        return Err(complaint(attribute, "is empty"));
+    }
+    if Path::new(&path).is_absolute() {
+        return Ok(path.into());
+    }
+    // The path of an asset is absolute by now, unless its layer lies in a package.
+    let packaged = file.to_string_lossy().contains('[') || file.extension().is_some_and(|e| e.eq_ignore_ascii_case("usdz"));
+    if packaged {
+        return Err(complaint(attribute, "is a relative path in a usdz package, where no frames can be: make it absolute"));
+    }
+    Ok(file.parent().unwrap_or(Path::new("")).join(path))
+}
+
+/// `FILE: </Prim.attribute> …`, without the file where it is the stage's own, which the error names anyway.
+pub(super) fn complaint(attribute: &Attribute, what: &str) -> String {
+    let root = attribute.stage().root_layer().identifier().to_owned();
+    let file = place(attribute).map(|(file, _)| file).unwrap_or_default();
+    let inside =
+        if file.as_os_str().is_empty() || file == Path::new(&root) { String::new() } else { format!(" (in {})", file.display()) };
+    format!("<{}> {what}{inside}", attribute.path())
+}
+
+/// A value and its type, for messages.
+fn shown(attribute: &Attribute, value: &Value) -> String {
+    let kind = attribute.type_name().ok().flatten().map(|t| t.to_string()).unwrap_or_default();
+    let value = text(value).map(|t| format!("{t:?}")).or_else(|| number(value).map(|n| n.to_string()));
+    format!("{kind} {}", value.unwrap_or_else(|| "value".into())).trim().to_owned()
+}

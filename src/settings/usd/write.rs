@@ -1,0 +1,164 @@
+//! A layer that says a shot's settings, to lie over an existing stage or to stand by itself.
+
+use std::path::{Component, Path};
+
+use openusd::sdf::{self, AttributeSpec, FieldKey, PrimSpec, SpecType, Specifier, Value, Variability};
+use openusd::usd::Stage;
+use openusd::usda::TextWriter;
+
+use super::attributes::frames_per_time_code;
+use super::open::with_stage;
+use super::prims::{self, PASS, words};
+use crate::error::{Error, Result};
+use crate::plan::lambda::Lambda;
+use crate::settings::KEYS;
+use crate::settings::layered::Layered;
+
+/// The applied schema.
+const API: &str = "HushAPI";
+/// Where settings go that lie over no stage.
+const OWN_PRIM: &str = "/Render/Denoise";
+/// Metadata of a stage's root layer that do not come through a sublayer.
+const KEPT: [&str; 8] = [
+    "defaultPrim",
+    "startTimeCode",
+    "endTimeCode",
+    "timeCodesPerSecond",
+    "framesPerSecond",
+    "metersPerUnit",
+    "upAxis",
+    "renderSettingsPrimPath",
+];
+
+/// What the layer needs to know of the stage below.
+struct Below {
+    /// None: it has no render prim.
+    prim: Option<String>,
+    metadata: Vec<(&'static str, Value)>,
+    frames_per_time_code: f64,
+}
+
+/// The text of a `.usda` layer to be saved at `path`, with `settings` on the prim, over `sublayer` if there is one. Without a prim
+/// it is the stage's only render prim, and a new `RenderPass` where there is none.
+///
+/// # Errors
+/// The sublayer cannot be read, or has no such prim or several to choose from; a prim path that is none.
+pub fn write(path: &Path, settings: &Layered, prim: Option<&str>, sublayer: Option<&Path>) -> Result<String> {
+    let below = sublayer.map(|file| with_stage(file, |stage| look_below(stage, prim))).transpose()?;
+    let (there, metadata, rate) = match below {
+        Some(below) => (below.prim, below.metadata, below.frames_per_time_code),
+        None => (prim.map(str::to_owned), Vec::new(), 1.0),
+    };
+    let own = there.is_none();
+    let prim = there.unwrap_or_else(|| OWN_PRIM.into());
+    author(path, settings, &prim, own, sublayer, &metadata, rate).map_err(|reason| Error::bad_file(path, reason))
+}
+
+fn look_below(stage: &Stage, prim: Option<&str>) -> Result<Below, String> {
+    let bare = prim.is_none() && prims::is_bare(stage)?;
+    let strongest = match bare {
+        true => None,
+        false => prims::choose(stage, prim)?.prims.last().map(|p| p.path().to_string()),
+    };
+    let mut metadata = Vec::new();
+    for name in KEPT {
+        metadata.extend(stage.stage_metadata(name).map_err(words)?.map(|value| (name, value)));
+    }
+    Ok(Below { prim: strongest, metadata, frames_per_time_code: frames_per_time_code(stage)? })
+}
+
+fn author(
+    path: &Path,
+    settings: &Layered,
+    prim: &str,
+    own: bool,
+    sublayer: Option<&Path>,
+    metadata: &[(&'static str, Value)],
+    frames_per_time_code: f64,
+) -> Result<String, String> {
+    let bad_prim = |e: String| format!("<{prim}> is no prim path: {e}");
+    let place = sdf::Path::new(prim).map_err(|e| bad_prim(words(e)))?;
+    if !place.is_abs() || place.is_abs_root() || place.is_property_path() || place.contains_prim_variant_selection() {
+        return Err(bad_prim("write /Render/Pass".into()));
+    }
+    let mut data = sdf::Data::new();
+    let root = data.create_spec(sdf::Path::abs_root(), SpecType::PseudoRoot);
+    metadata.iter().for_each(|(name, value)| root.add(*name, value.clone()));
+    if let Some(below) = sublayer {
+        root.add(FieldKey::SubLayers, Value::StringVec(vec![relative(below, path)]));
+    }
+    if own {
+        let parent = place.parent().ok_or_else(|| bad_prim("it has no parent".into()))?;
+        PrimSpec::new(&mut data, parent, Specifier::Def, "Scope").map_err(words)?;
+        PrimSpec::new(&mut data, place.clone(), Specifier::Def, PASS).map_err(words)?;
+    }
+    PrimSpec::over(&mut data, place.clone()).map_err(words)?.add_applied_schema(API).map_err(words)?;
+    for key in KEYS.iter().filter(|k| settings.given().any(|name| name == k.name)) {
+        let attribute = place.append_property(key.usd).map_err(words)?;
+        let lambda = settings.values.lambda.as_ref().filter(|_| key.name == "lambda");
+        let varying = if lambda.is_some() { Variability::Varying } else { Variability::Uniform };
+        let mut spec = AttributeSpec::new(&mut data, attribute, key.usd_type, varying, false).map_err(words)?;
+        match lambda.map(Lambda::keys) {
+            Some([(_, value)]) => spec.set_default(Value::Float(*value)),
+            Some(keys) => {
+                keys.iter().for_each(|(frame, value)| spec.set_time_sample(frame / frames_per_time_code, Value::Float(*value)));
+            }
+            None => {
+                let mut value = settings.value(key.name);
+                if let ("input" | "output" | "model", Some(file)) = (key.name, value.as_str().map(Path::new))
+                    && file.is_relative()
+                {
+                    // What is relative to this folder becomes relative to the layer.
+                    value = relative(file, path).into();
+                }
+                spec.set_default(value_of(&value, key.usd_type));
+            }
+        }
+    }
+    TextWriter::write_to_string(&data).map_err(words)
+}
+
+/// A setting as a value of a USD type.
+fn value_of(value: &serde_json::Value, usd_type: &str) -> Value {
+    let text = |v: &serde_json::Value| v.as_str().map_or_else(|| v.to_string(), str::to_owned);
+    match usd_type {
+        "bool" => Value::Bool(value.as_bool().unwrap_or_default()),
+        "int" => Value::Int(value.as_i64().and_then(|v| i32::try_from(v).ok()).unwrap_or_default()),
+        "token" => Value::token(text(value)),
+        "token[]" => Value::TokenVec(value.as_array().into_iter().flatten().map(|v| text(v).into()).collect()),
+        _ => Value::String(text(value)),
+    }
+}
+
+/// The path of `file` as a layer at `layer` names it: relative where they share a folder, so that both can be moved together.
+fn relative(file: &Path, layer: &Path) -> String {
+    let absolute = |p: &Path| std::path::absolute(p).unwrap_or_else(|_| p.to_owned());
+    let (file, layer) = (absolute(file), absolute(layer));
+    let folder = layer.parent().unwrap_or(Path::new(""));
+    let shared = folder.components().zip(file.components()).take_while(|(a, b)| a == b).count();
+    let named = |c: &Component<'_>| matches!(c, Component::Normal(_));
+    if !folder.components().take(shared).any(|c| named(&c)) {
+        return file.to_string_lossy().into_owned();
+    }
+    let up = folder.components().skip(shared).map(|_| "..");
+    let down: Vec<String> = file.components().skip(shared).map(|c| c.as_os_str().to_string_lossy().into_owned()).collect();
+    let path = up.map(str::to_owned).chain(down).collect::<Vec<_>>().join("/");
+    if path.starts_with("..") { path } else { format!("./{path}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_are_relative_where_folders_are_shared() {
+        for (file, layer, expected) in [
+            ("/a/b/base.usda", "/a/b/over.usda", "./base.usda"),
+            ("/a/b/c/base.usda", "/a/b/over.usda", "./c/base.usda"),
+            ("/a/base.usda", "/a/b/over.usda", "../base.usda"),
+            ("/x/base.usda", "/a/b/over.usda", "/x/base.usda"),
+        ] {
+            assert_eq!(relative(Path::new(file), Path::new(layer)), expected);
+        }
+    }
+}
