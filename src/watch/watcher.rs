@@ -243,7 +243,7 @@ impl<'a> Watcher<'a> {
                 Err(error) if self.options.once && !matches!(error, Error::SwitchedOff { .. }) => return Err(error),
                 // The other shots are not to suffer from it; the settings may be mended.
                 Err(error) => {
-                    self.refused.insert(ShotKey::clone(&place.key), now + RESCAN);
+                    self.refused.insert(ShotKey::clone(&place.key), now + POLL);
                     let message = format!("left out {}: {error}", place.key.name(place.digits));
                     if self.told_ignored.insert(message.clone().into()) {
                         self.warn(message);
