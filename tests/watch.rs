@@ -241,6 +241,22 @@ fn one_bad_frame_does_not_stop_the_others() {
 }
 
 #[test]
+fn settings_that_cannot_be_read_hold_up_their_own_shot_alone() {
+    let scene = Scene::new();
+    fs::create_dir(scene.path("in/bad")).unwrap();
+    fs::write(scene.path("in/bad/hush.toml"), "lambda = 0.5\n").unwrap();
+    write_frame(&scene.path("in/bad/s_1.exr"), 1, Look::default());
+    scene.land(1);
+    let mut watch = scene.watch(&["--settle", "0.5"]);
+    watch.until("the other shot and a warning", |w| w.denoised().len() == 1 && !w.named("warning").is_empty());
+    let warning = format!("{:?}", watch.named("warning"));
+    assert!(warning.contains("bad/s_#.exr") && warning.contains("hush.toml"), "{warning}");
+    fs::write(scene.path("in/bad/hush.toml"), "lambda = 4.0\n").unwrap();
+    watch.until("the mended shot", |w| w.named("frame").last().is_some_and(|f| f["shot"] == "bad/s_#.exr" && f["lambda"] == 4.0));
+    watch.stop();
+}
+
+#[test]
 fn an_output_folder_that_cannot_be_written_is_waited_for() {
     let scene = Scene::new();
     fs::create_dir(scene.path("in/a")).unwrap();

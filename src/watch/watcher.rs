@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::claims::{Claims, tidy};
@@ -52,6 +53,8 @@ pub(super) struct Watcher<'a> {
     /// The input folder, as the system knows it; none while it is not there.
     root: Option<(u64, u64)>,
     real_input: PathBuf,
+    /// Shots whose settings cannot be had, until the next attempt.
+    refused: BTreeMap<ShotKey, Duration>,
     poll: Option<Duration>,
     next_scan: Duration,
     next_trim: Duration,
@@ -88,6 +91,7 @@ impl<'a> Watcher<'a> {
             eyes: Eyes::closed(),
             root: None,
             real_input: PathBuf::new(),
+            refused: BTreeMap::new(),
             poll: options.poll,
             next_scan: Duration::ZERO,
             next_trim: TRIM,
@@ -203,7 +207,7 @@ impl<'a> Watcher<'a> {
     /// Looks at a folder and everything below it.
     fn scan(&mut self, folder: &Path) -> Result<()> {
         let found = self.tree.scan(folder);
-        let mut there: BTreeMap<ShotKey, BTreeSet<i64>> = BTreeMap::new();
+        let mut there: BTreeMap<Arc<ShotKey>, BTreeSet<i64>> = BTreeMap::new();
         for (place, stamp) in found.frames {
             there.entry(place.key.clone()).or_default().insert(place.number);
             self.seen(place, stamp, false)?;
@@ -231,17 +235,21 @@ impl<'a> Watcher<'a> {
     fn seen(&mut self, place: Place, stamp: Stamp, closed: bool) -> Result<()> {
         let now = self.now();
         if !self.shots.contains_key(&place.key) {
+            if self.refused.get(&*place.key).is_some_and(|until| now < *until) {
+                return Ok(());
+            }
             match Shot::new(&self.tree, &place, self.options, self.job) {
-                Ok(shot) => _ = self.shots.insert(place.key.clone(), shot),
-                // The other shots are not to suffer from it.
-                Err(error @ Error::SwitchedOff { .. }) => {
-                    let name = place.key.name(place.digits);
-                    if self.told_ignored.insert(name.clone().into()) {
-                        self.warn(format!("left out {name}: {error}"));
+                Ok(shot) => _ = self.shots.insert(ShotKey::clone(&place.key), shot),
+                Err(error) if self.options.once && !matches!(error, Error::SwitchedOff { .. }) => return Err(error),
+                // The other shots are not to suffer from it; the settings may be mended.
+                Err(error) => {
+                    self.refused.insert(ShotKey::clone(&place.key), now + POLL);
+                    let message = format!("left out {}: {error}", place.key.name(place.digits));
+                    if self.told_ignored.insert(message.clone().into()) {
+                        self.warn(message);
                     }
                     return Ok(());
                 }
-                Err(error) => return Err(error),
             }
         }
         let Some(shot) = self.shots.get_mut(&place.key) else { return Ok(()) };
