@@ -98,15 +98,19 @@ pub fn error_against_time(report: &Report) -> Drawing {
             .map(|((_, row), at)| Label { at: *at, text: row.candidate.name.clone(), ink: Ink::Text })
             .collect();
         let words = place(&labels, WIDTH - 20.0, (top - 4.0, top + height));
-        // Words first: their halo must not cover another's disc.
+        // Spreads, then words, then discs: a word's halo may cover another's line, never its disc.
+        for (i, row) in &rows {
+            let (Some((time, error, value)), ink) = (of(row), ink(&row.candidate)) else { continue };
+            let line = |from, to| Shape::Line { points: vec![from, to], ink, width: 1.5, dashed: false };
+            let mut shapes = vec![line(panel.at(time.low, value), panel.at(time.high, value))];
+            if bars {
+                shapes.push(line(panel.at(time.median, error.low), panel.at(time.median, error.high)));
+            }
+            drawing.groups.push(Group { row: Some(*i), title: None, shapes });
+        }
         drawing.groups.extend(rows.iter().zip(words).map(|((i, _), shapes)| Group { row: Some(*i), title: None, shapes }));
         for ((i, row), (x, y)) in rows.into_iter().zip(spots) {
-            let (Some((time, error, value)), ink) = (of(row), ink(&row.candidate)) else { continue };
-            let line = |points: Vec<(f64, f64)>| Shape::Line { points, ink, width: 1.5, dashed: false };
-            let mut shapes = vec![line(vec![panel.at(time.low, value), panel.at(time.high, value)])];
-            if bars {
-                shapes.push(line(vec![panel.at(time.median, error.low), panel.at(time.median, error.high)]));
-            }
+            let (ink, mut shapes) = (ink(&row.candidate), Vec::new());
             shapes.push(Shape::Disc { x, y, radius: 5.0, ink, hollow: false });
             if row.candidate.default {
                 shapes.push(Shape::Disc { x, y, radius: 8.5, ink, hollow: true });
@@ -150,11 +154,7 @@ pub fn by_frame(report: &Report) -> Drawing {
     let panels = shown(report);
     let height = 210.0;
     let mut drawing = Drawing::new(WIDTH, 66.0 + (height + 70.0) * panels.len().max(1) as f64, "Error by frame");
-    drawing.add(heading(
-        report,
-        "Error by frame",
-        "Without the noisy picture and without skipping, which changes nothing that could be seen here.",
-    ));
+    drawing.add(heading(report, "Error by frame", "Noisy and no skipping are left out."));
     let frames = report.frames.iter().map(|f| *f as f64);
     let (low, high) = frames.fold((f64::INFINITY, f64::NEG_INFINITY), |a, f| (a.0.min(f), a.1.max(f)));
     for (n, (e, title)) in panels.into_iter().enumerate() {
