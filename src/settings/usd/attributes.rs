@@ -6,7 +6,7 @@ use openusd::sdf::{FieldKey, Value};
 use openusd::usd::{Attribute, Prim, Stage};
 
 use super::prims::words;
-use super::values::{boolean, integer, number, text, texts};
+use super::values::{as_meant, boolean, integer, number, text, texts};
 use crate::plan::lambda::Lambda;
 use crate::settings::layered::{Layered, Origin};
 use crate::settings::names::{parse_guides, without_none};
@@ -82,8 +82,14 @@ pub(super) fn constant(attribute: &Attribute) -> Result<Option<Value>, String> {
     if !samples(attribute)?.is_empty() {
         return Err(complaint(attribute, "has time samples, and only hush:lambda may change over the shot"));
     }
-    let value = attribute.get::<Value>().map_err(words)?;
-    Ok(value.filter(|v| !matches!(v, Value::ValueBlock)))
+    value(attribute)
+}
+
+/// The default value of an attribute; None where there is none, or where it is blocked.
+pub(super) fn value(attribute: &Attribute) -> Result<Option<Value>, String> {
+    let value = attribute.get::<Value>().map_err(words)?.filter(|v| !matches!(v, Value::ValueBlock));
+    let layer = opinion(attribute)?.map(|o| o.layer).unwrap_or_default();
+    Ok(value.map(|value| as_meant(value, &layer)))
 }
 
 /// Reads one attribute into the settings; false where it has no value.

@@ -2,11 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use openusd::sdf::Value;
 use openusd::usd::{Prim, Stage};
 
-use super::attributes::{place, samples};
-use super::prims::{Chain, targets, type_of, words};
+use super::attributes::{place, samples, value};
+use super::prims::{Chain, targets, type_of};
 use super::values::text;
 use crate::settings::layered::{Layered, Origin};
 
@@ -114,8 +113,7 @@ fn var_settings(var: &Prim) -> Result<Layered, String> {
 
 /// A text attribute's value, if it has one.
 fn said(prim: &Prim, attribute: &str) -> Result<Option<String>, String> {
-    let value = prim.attribute(attribute).get::<Value>().map_err(words)?;
-    Ok(value.as_ref().and_then(text).filter(|t| !t.is_empty()))
+    Ok(value(&prim.attribute(attribute))?.as_ref().and_then(text).filter(|t| !t.is_empty()))
 }
 
 /// The frames that a product's name stands for, as a pattern; the name may be one for all frames, with a placeholder or with one

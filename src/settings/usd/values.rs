@@ -1,6 +1,63 @@
-//! Attribute values as Rust ones; a message says what was there and what was expected.
+//! Attribute values as Rust ones.
+
+use std::io::Read;
+use std::path::Path;
 
 use openusd::sdf::Value;
+
+/// A value as its layer means it: openusd leaves the escapes in the strings of text layers as they are written.
+pub(super) fn as_meant(value: Value, layer: &Path) -> Value {
+    if !is_text(layer) {
+        return value;
+    }
+    match value {
+        Value::String(v) => Value::String(unescaped(&v)),
+        Value::Token(v) => Value::token(unescaped(&v)),
+        Value::StringVec(v) => Value::StringVec(v.iter().map(|t| unescaped(t)).collect()),
+        Value::TokenVec(v) => Value::TokenVec(v.iter().map(|t| unescaped(t).into()).collect()),
+        other => other,
+    }
+}
+
+/// Whether a layer is text: by its name, also inside a package, and by its first bytes where the name leaves it open.
+fn is_text(layer: &Path) -> bool {
+    let name = layer.to_string_lossy();
+    let inner = name.rsplit_once('[').map_or(&*name, |(_, inner)| inner.trim_end_matches(']'));
+    match Path::new(inner).extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).as_deref() {
+        Some("usda") => true,
+        Some("usd") => {
+            let mut start = [0; 5];
+            std::fs::File::open(layer).and_then(|mut f| f.read_exact(&mut start)).is_ok() && start == *b"#usda"
+        }
+        _ => false,
+    }
+}
+
+fn unescaped(text: &str) -> String {
+    let mut plain = String::with_capacity(text.len());
+    let mut letters = text.chars();
+    while let Some(letter) = letters.next() {
+        let next = letters.clone().next().filter(|_| letter == '\\');
+        let meant = match next {
+            Some(c @ ('\\' | '"' | '\'')) => c,
+            Some('n') => '\n',
+            Some('r') => '\r',
+            Some('t') => '\t',
+            _ => {
+                plain.push(letter);
+                continue;
+            }
+        };
+        plain.push(meant);
+        letters.next();
+    }
+    plain
+}
+
+/// A text as it has to be written so that USD, which knows escapes, and openusd with [`as_meant`] read it back.
+pub(super) fn escaped(text: &str) -> String {
+    text.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n").replace('\r', "\\r")
+}
 
 /// A number; whole ones count too.
 pub(super) fn number(value: &Value) -> Option<f64> {
@@ -47,5 +104,18 @@ pub(super) fn texts(value: &Value) -> Option<Vec<String>> {
         Value::StringVec(v) => Some(v.clone()),
         Value::TokenVec(v) => Some(v.iter().map(ToString::to_string).collect()),
         one => text(one).map(|text| vec![text]),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn escapes_are_undone() {
+        for text in ["", "plain", "back\\slash", "C:\\new\\table", "quo\"te's", "two\nlines", "ends with \\", "\\\\server"] {
+            assert_eq!(unescaped(&escaped(text)), text);
+        }
+        assert_eq!(unescaped("C:\\dir\\x41"), "C:\\dir\\x41", "escapes that are not known stay");
     }
 }

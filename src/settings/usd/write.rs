@@ -9,6 +9,7 @@ use openusd::usda::TextWriter;
 use super::attributes::frames_per_time_code;
 use super::open::with_stage;
 use super::prims::{self, PASS, words};
+use super::values::escaped;
 use crate::error::{Error, Result};
 use crate::plan::lambda::Lambda;
 use crate::settings::KEYS;
@@ -115,12 +116,14 @@ fn author(
             }
         }
     }
-    TextWriter::write_to_string(&data).map_err(words)
+    let text = TextWriter::write_to_string(&data).map_err(words)?;
+    // openusd leaves the brackets of a list of one away, and USD does not read that.
+    Ok(text.replace(&format!("prepend apiSchemas = \"{API}\""), &format!("prepend apiSchemas = [\"{API}\"]")))
 }
 
 /// A setting as a value of a USD type.
 fn value_of(value: &serde_json::Value, usd_type: &str) -> Value {
-    let text = |v: &serde_json::Value| v.as_str().map_or_else(|| v.to_string(), str::to_owned);
+    let text = |v: &serde_json::Value| v.as_str().map_or_else(|| v.to_string(), escaped);
     match usd_type {
         "bool" => Value::Bool(value.as_bool().unwrap_or_default()),
         "int" => Value::Int(value.as_i64().and_then(|v| i32::try_from(v).ok()).unwrap_or_default()),
