@@ -155,6 +155,11 @@ impl Engine {
         self.isa
     }
 
+    /// Threads that compute.
+    pub fn threads(&self) -> usize {
+        self.in_pool(rayon::current_num_threads)
+    }
+
     /// Seconds spent in each stage since the engine was made, in the order of [`STAGES`].
     pub fn stage_seconds(&self) -> [f64; STAGES.len()] {
         self.clock.seconds()

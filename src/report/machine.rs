@@ -26,7 +26,7 @@ pub struct Machine {
 
 impl Machine {
     /// Of now, before anything is measured.
-    pub fn new(isa: Isa) -> Self {
+    pub fn new(isa: Isa, threads: usize) -> Self {
         let instructions = match isa {
             Isa::Portable => "portable",
             Isa::Avx2 => "AVX2",
@@ -35,7 +35,7 @@ impl Machine {
         Self {
             processor: field("/proc/cpuinfo", "model name"),
             cores: std::thread::available_parallelism().map_or(1, usize::from),
-            threads: rayon::current_num_threads(),
+            threads,
             instructions,
             system: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
             load_before: load(),
@@ -80,7 +80,8 @@ mod tests {
 
     #[test]
     fn a_busy_machine_is_known_by_its_load() {
-        let idle = Machine { cores: 4, threads: 4, load_before: Some(0.3), load_after: Some(4.1), ..Machine::new(Isa::Portable) };
+        let idle =
+            Machine { cores: 4, threads: 4, load_before: Some(0.3), load_after: Some(4.1), ..Machine::new(Isa::Portable, 1) };
         assert!(!idle.was_busy());
         assert!(Machine { load_before: Some(3.0), ..idle.clone() }.was_busy());
         assert!(Machine { load_after: Some(8.0), ..idle.clone() }.was_busy());
@@ -90,7 +91,7 @@ mod tests {
     #[cfg(target_os = "linux")]
     #[test]
     fn linux_tells_its_memory() {
-        let mut machine = Machine::new(Isa::Portable);
+        let mut machine = Machine::new(Isa::Portable, 1);
         machine.finish();
         assert!(machine.peak_bytes.is_some_and(|b| b > 1 << 20) && machine.load_after.is_some());
     }

@@ -98,7 +98,7 @@ pub fn measure(
         measured: Vec::new(),
         steps: 0,
     };
-    let mut machine = Machine::new(engine.isa());
+    let mut machine = Machine::new(engine.isa(), engine.threads());
     let all = frames.len() * run.repeats * run.candidates.len();
     for &number in &frames {
         match run.frame(number, &|done| progress(done, all)) {
@@ -275,7 +275,7 @@ impl Run<'_> {
     /// One frame by the peer; None once it has failed, unless the user named it.
     fn oidn(&mut self, frame: &Frame, i: usize) -> Result<Option<(f64, Array3<f32>)>> {
         let Some((oidn, named)) = &self.oidn else { return Ok(None) };
-        match oidn.run(frame, rayon::current_num_threads(), self.scratch) {
+        match oidn.run(frame, self.engine.threads(), self.scratch) {
             Ok(run) => {
                 let tally = &mut self.tallies[i];
                 tally.peak = tally.peak.max(run.peak.unwrap_or(0));
