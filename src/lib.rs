@@ -3,7 +3,7 @@
 //! A temporal, multi-scale, kernel-predicting denoiser after Vogels et al. 2018, "Denoising with Kernel Prediction and
 //! Asymmetric Loss Functions". Data flows one way: [`io`] → [`frame`] → [`plan`] → [`network`] → [`kernels`] → [`io`];
 //! [`engine`] runs that chain over a window of frames in memory, [`shot`] over the files of a shot,
-//! [`watch`] over a folder that is still being filled.
+//! [`watch`] over a folder that is still being filled; [`report`] measures it.
 
 pub mod cli;
 pub mod engine;
@@ -14,11 +14,15 @@ pub mod kernels;
 pub mod metrics;
 pub mod network;
 pub mod plan;
+#[cfg(feature = "python")]
+mod python;
+pub mod report;
 pub mod settings;
 pub mod shot;
 pub mod simd;
+pub mod stability;
 pub mod watch;
 
 pub use engine::{Denoised, EncodedFrame, Engine, Settings};
 pub use error::{Error, Result};
-pub use frame::{Aov, Frame};
+pub use frame::{Aov, Frame, FrameView};

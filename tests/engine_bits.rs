@@ -6,7 +6,7 @@ use engine_support::*;
 use hush::network::body::Body;
 use hush::network::levels::kernel_reach;
 use hush::network::weights::Weights;
-use hush::plan::tiles::{Tile, tiles};
+use hush::plan::tiles::{Rect, Tile, tiles};
 use hush::simd::Isa;
 use hush::{Denoised, Engine, Frame};
 use ndarray::{Array3, Axis, ShapeBuilder};
@@ -50,7 +50,8 @@ fn smallest_tiles(rows: usize, columns: usize) -> Vec<Tile> {
     let a = &weights.architecture;
     let reach = kernel_reach([a.centre_taps, a.neighbour_taps, a.coarse_taps, a.albedo_taps]);
     let halo = Body::new(&weights).unwrap().halo(reach);
-    tiles(rows.next_multiple_of(8) / 2, columns.next_multiple_of(8) / 2, halo, 0)
+    let (rows, columns) = (rows.next_multiple_of(8) / 2, columns.next_multiple_of(8) / 2);
+    tiles(Rect { row: 0, column: 0, rows, columns }, rows, columns, halo, 0)
 }
 
 #[test]
@@ -86,7 +87,7 @@ fn tiles_do_not_change_the_result() {
 
 #[test]
 fn tiles_do_not_change_the_result_of_the_embedded_model() {
-    let engine = |memory| Engine::new(hush::Settings { memory, isa: None }).unwrap();
+    let engine = |memory| Engine::new(hush::Settings { memory, ..Default::default() }).unwrap();
     assert_same("one tile and many", &middle(&engine(None), 40, 520, 1), &middle(&engine(Some(0)), 40, 520, 1));
 }
 

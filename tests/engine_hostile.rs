@@ -192,16 +192,19 @@ fn a_bad_pixel_matters_nowhere_else() {
 }
 
 #[test]
-fn a_hole_of_bad_pixels_is_filled_at_its_rim_and_harmless() {
-    let mut frame = Frame::new(Array3::from_elem((40, 40, 3), 0.25));
-    frame.colour.slice_mut(ndarray::s![10..30, 10..30, ..]).fill(f32::NAN);
-    let image = alone(frame).colour;
-    for ((y, x, _), v) in image.indexed_iter() {
-        let inside = (10..30).contains(&y) && (10..30).contains(&x);
-        let depth = if inside { (y - 9).min(30 - y).min(x - 9).min(30 - x) } else { 0 };
-        // The albedo's kernels reach one pixel; deeper in a hole that no neighbour fills there may be nothing but black.
-        let filled = (v - 0.25).abs() < 1e-5;
-        assert!(filled || (depth > 1 && *v == 0.0), "{v} at {y}, {x}");
+fn a_hole_of_bad_pixels_is_filled_as_deep_as_the_coarsest_kernels_reach() {
+    for (wide, filled) in [(20, true), (31, true), (60, false)] {
+        for at in 30..34 {
+            let mut frame = Frame::new(Array3::from_elem((124, 124, 3), 0.25));
+            let hole = at..at + wide;
+            frame.colour.slice_mut(ndarray::s![at..at + wide, at..at + wide, ..]).fill(f32::NAN);
+            for ((y, x, _), v) in alone(frame).colour.indexed_iter() {
+                let inside = hole.contains(&y) && hole.contains(&x);
+                let depth = if inside { (y + 1 - at).min(at + wide - y).min(x + 1 - at).min(at + wide - x) } else { 0 };
+                let deep = !filled && depth > 14;
+                assert!((v - 0.25).abs() < 1e-5 || (deep && *v == 0.0), "{v} at {y}, {x} in a hole of {wide} from {at}");
+            }
+        }
     }
 }
 

@@ -5,6 +5,7 @@ mod engine_support;
 use std::sync::LazyLock;
 
 use engine_support::*;
+use hush::network::weights::Weights;
 use hush::{Denoised, Engine, Error, Frame, Settings};
 use ndarray::{Array2, Array3};
 use proptest::prelude::*;
@@ -199,7 +200,10 @@ fn moving(step: (f32, f32), rows: usize, columns: usize) -> Array3<f32> {
 
 #[test]
 fn a_point_is_looked_for_where_its_vectors_say() {
-    // The centre has no usable pixel, so each output is a mean of 3×3 pixels of the neighbour around the point.
+    // The centre has no usable pixel and there is no coarser level to fill it from, so each output is a mean of 3×3 pixels of the
+    // neighbour around the point.
+    let weights = Weights::from_bytes("golden", SMALL_MODEL).unwrap();
+    let engine = Engine::from_weights(&weights, Settings { levels: 1, ..Settings::default() }).unwrap();
     let (rows, columns) = (24, 32);
     let ramp = Array3::from_shape_fn((rows, columns, 3), |(y, x, c)| [1.0 + x as f32, 1.0 + y as f32, 1.0][c]);
     for (offset, vector, (dx, dy)) in [
@@ -210,11 +214,11 @@ fn a_point_is_looked_for_where_its_vectors_say() {
     ] {
         let mut centre = Frame::new(Array3::from_elem((rows, columns, 3), f32::NAN));
         centre.vector = Some(Array3::from_shape_fn((rows, columns, 4), |(_, _, c)| vector[c]));
-        let centre = SMALL.encode(centre).unwrap();
+        let centre = engine.encode(centre).unwrap();
         let mut neighbour = Frame::new(ramp.clone());
         neighbour.vector = Some(Array3::zeros((rows, columns, 4)));
-        let neighbour = SMALL.encode(neighbour).unwrap();
-        let image = SMALL.denoise(&centre, &[(offset, &neighbour)], 1.0).unwrap().colour;
+        let neighbour = engine.encode(neighbour).unwrap();
+        let image = engine.denoise(&centre, &[(offset, &neighbour)], 1.0).unwrap().colour;
         let mut seen = 0;
         for y in 0..rows as i32 {
             for x in 0..columns as i32 {

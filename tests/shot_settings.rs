@@ -72,7 +72,7 @@ fn later_sources_win_and_each_value_knows_its_source() {
     assert_eq!((&setting("model")["source"], &setting("model")["value"]), (&"default".into(), &Value::Null));
     let table = text(&hush(&shot, &["shot", "show", "shot"]).stdout);
     assert!(table.contains("1:1,3:5") && table.contains("shot.usda </Render/Pass.hush:lambda>"), "{table}");
-    assert!(table.contains("hush.toml, window") && table.contains("2 with a Vector pass") == false, "{table}");
+    assert!(table.contains("hush.toml, window") && !table.contains("2 with a Vector pass"), "{table}");
     assert!(shown(&shot, &["shot", "--no-settings"])["settings"].as_object().unwrap().values().all(|s| s["source"] == "default"));
 }
 

@@ -13,11 +13,15 @@ from torch import Tensor
 
 OFFSETS = (-1, 1, -2, 2)
 CENTRE = 2
+BRIGHTEST = 1e6
 
 
 @dataclass
 class Shot:
-    """One shot, frames first: colour, albedo (5, 3, H, W), normal, depth (5, 1, H, W), vector (5, 4, H, W), reference (3, H, W)."""
+    """The five frames around the middle of a shot.
+
+    colour, albedo, normal (5, 3, H, W), depth (5, 1, H, W), vector (5, 4, H, W), reference (3, H, W).
+    """
 
     seed: int
     spp: int
@@ -33,16 +37,19 @@ class Shot:
 def read_shot(path: Path) -> Shot:
     with np.load(path) as z:
         meta = json.loads(str(z["meta"]))
-        planes = lambda name: torch.from_numpy(np.moveaxis(z[name].astype(np.float32), -1, -3).copy())
+        first = len(z["depth"]) // 2 - CENTRE
+        middle = slice(first, first + 2 * CENTRE + 1)
+        image = lambda pixels: torch.from_numpy(np.moveaxis(pixels.astype(np.float32), -1, -3).copy())
+        planes = lambda name: image(z[name][middle])
         return Shot(
             seed=meta["seed"],
             spp=meta["spp"],
             colour=planes("color"),
             albedo=planes("albedo") / 255.0,
             normal=planes("normal") / 127.0,
-            depth=torch.from_numpy(z["depth"].astype(np.float32))[:, None],
+            depth=torch.from_numpy(z["depth"][middle].astype(np.float32))[:, None],
             vector=planes("vector"),
-            reference=planes("ref"),
+            reference=image(z["ref"]),
             meta=meta,
         )
 
@@ -113,7 +120,7 @@ def prepare(
         front = torch.where((depth > 0) & (depth < 1e9), depth, 0.0)
         depths[k] = front * depth_scale(depth, valid[i]) if guides.depth else torch.zeros_like(depth)
         parts = (
-            torch.log1p(demodulated[k] * scale[k]),
+            torch.log1p((demodulated[k] * scale[k]).clamp(max=BRIGHTEST)),
             albedo if guides.albedo else torch.zeros_like(albedo),
             shot.normal[i] if guides.normal else torch.zeros_like(shot.normal[i]),
             torch.log1p(depths[k]),

@@ -11,6 +11,7 @@ from model import warped
 from torch import Tensor
 
 AGREEMENT_LIMIT = 4.0
+FIREFLY = 1000.0
 
 
 def displacements(vector: Tensor) -> tuple[Tensor, Tensor]:
@@ -64,14 +65,17 @@ def chain(vectors: dict[int, Tensor], offset: int) -> tuple[Tensor, Tensor, Tens
 def exposure(colour: Tensor, valid: Tensor) -> float:
     """The scale that brings a frame's log-average luminance, over 16×16 blocks, to 0.18; 1 for a black frame.
 
-    colour (3, H, W) sanitised; valid (H, W) in {0, 1}. After OIDN's auto-exposure, with a threshold relative to the frame.
+    colour (3, H, W) sanitised; valid (H, W) in {0, 1}. After OIDN's auto-exposure, with a threshold relative to the frame. A block
+    counts at most FIREFLY times what the steadiest light in the frame has: the most that a block has in each of its 4×4 parts.
     """
     luminance = (0.2126 * colour[0] + 0.7152 * colour[1] + 0.0722 * colour[2]) * valid
     h, w = luminance.shape
-    pad = (0, -w % 16, 0, -h % 16)
-    blocks = F.avg_pool2d(F.pad(luminance, pad)[None], 16)[0]
-    weight = F.avg_pool2d(F.pad(valid, pad)[None], 16)[0]
-    mean = torch.where(weight > 0, blocks / weight.clamp_min(1e-6), 0.0)
+    padded = F.pad(torch.stack((luminance, valid))[:, None], (0, -w % 16, 0, -h % 16)).double()
+    means = lambda size: (lambda sums: sums[0] / sums[1].clamp_min(1e-9))(F.avg_pool2d(padded, size))
+    counted = F.avg_pool2d(padded[1], 4) > 0
+    least = -F.max_pool2d(-torch.where(counted, means(4), torch.inf), 4)
+    steady = float(torch.where(least.isfinite(), least, 0.0).max())
+    mean = means(16).clamp(max=FIREFLY * steady if steady > 0 else torch.inf)
     lit = mean[mean > mean.max() * 1e-6]
     if lit.numel() == 0:
         return 1.0

@@ -219,17 +219,17 @@ class Hush(nn.Module):
         down_half = [down(c, v) for c, v in zip(colour, valid, strict=True)]
         down_quarter = [down(c, v) for c, v in down_half]
         out_quarter = self.apply(quarter_logits, near_quarter, down_quarter, None)
-        out_half = self.apply(half_logits, near_half, down_half, (out_quarter, down_quarter[0][1]))
-        out = self.apply(
-            full_logits[:, : n_centre + n_coarse], near_full, list(zip(colour, valid, strict=True)), (out_half, down_half[0][1])
-        )
+        out_half = self.apply(half_logits, near_half, down_half, out_quarter)
+        out, _ = self.apply(full_logits[:, : n_centre + n_coarse], near_full, list(zip(colour, valid, strict=True)), out_half)
         albedo = self.filtered_albedo(full_logits[:, n_centre + n_coarse :], near_albedo, batch["albedo"].float(), batch["valid"].float())
-        return {"image": out * albedo, "colour": out, "half": out_half, "quarter": out_quarter, "albedo": albedo}
+        return {"image": out * albedo, "colour": out, "half": out_half[0], "quarter": out_quarter[0], "albedo": albedo}
 
     def apply(
         self, logits: Tensor, near: list[Tensor], images: list[tuple[Tensor, Tensor]], coarse: tuple[Tensor, Tensor] | None
-    ) -> Tensor:
+    ) -> tuple[Tensor, Tensor]:
         """Kernel application at one pyramid level, the joint softmax over centre, neighbour and coarser-level taps.
+
+        Returns the image and where any tap was valid: holes are filled from the coarser levels.
 
         The coarse taps are the paper's blend: their summed weight is α, their shares a predicted up-sampling kernel, so
         o = (1 − α)·f + α·U(o_coarse) is a weighted average of rendered pixels.
@@ -250,7 +250,7 @@ class Hush(nn.Module):
             w = torch.exp(logits[:, n:].float().clamp(-LOGIT_LIMIT, LOGIT_LIMIT)) * taps[:, 3]
             total = total + weighted(w, taps[:, :3])
             norm = norm + w.sum(1, keepdim=True)
-        return total / norm.clamp_min(1e-30)
+        return total / norm.clamp_min(1e-30), (norm > 0).float()
 
     def filtered_albedo(self, logits: Tensor, near: list[Tensor], albedo: Tensor, valid: Tensor) -> Tensor:
         """The albedo that is multiplied back: a kernel over the centre's taps and one tap of each warped neighbour."""

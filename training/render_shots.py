@@ -1,4 +1,4 @@
-"""Renders random training shots with Cycles: OUT/SEED.npz, five noisy frames and a reference for the middle one.
+"""Renders random training shots with Cycles: OUT/SEED.npz, seven noisy frames and references for the middle two.
 
     python render_shots.py shots --first 0 --count 200 --assets assets
 
@@ -23,7 +23,7 @@ import OpenEXR
 import scenes
 from shot_assets import Assets, found
 
-FRAMES = 5
+FRAMES = 7
 LAYERS = {"color": ("Combined", "RGB"), "albedo": ("Denoising Albedo", "RGB"), "normal": ("Denoising Normal", "XYZ")} | {
     "depth": ("Denoising Depth", "Z"),
     "vector": ("Vector", "XYZW"),
@@ -91,7 +91,7 @@ def shot(seed: int, size: int, threads: int, scratch: Path, assets: Assets, targ
         return f"{seed} skipped: {why}"
     noisy = [render(scratch, scenes.MIDDLE + k, samples, r.randrange(1 << 30), adaptive) for k in range(-(FRAMES // 2), FRAMES // 2 + 1)]
     halfway = time.perf_counter()
-    reference = render(scratch, scenes.MIDDLE, 448, r.randrange(1 << 30), 0.012, 96, 48.0)
+    reference, before = (render(scratch, scenes.MIDDLE + k, 448, r.randrange(1 << 30), 0.012, 96, 48.0) for k in (0, -1))
     done = time.perf_counter()
     stacked = {name: np.stack([frame[name] for frame in noisy]) for name in LAYERS}
     aside = target.with_suffix(".part.npz")
@@ -104,10 +104,11 @@ def shot(seed: int, size: int, threads: int, scratch: Path, assets: Assets, targ
         vector=half(stacked["vector"]),
         ref=half(reference["color"]),
         ref_albedo=unit(reference["albedo"]),
+        ref_before=half(before["color"]),
         meta=json.dumps({"seed": seed, "kind": kind, "motion": motion, "spp": samples, "adaptive": adaptive}),
     )
     aside.replace(target)
-    return f"{seed} {kind} {motion}: {samples} spp, noisy {halfway - began:.1f} s, reference {done - halfway:.1f} s"
+    return f"{seed} {kind} {motion}: {samples} spp, noisy {halfway - began:.1f} s, references {done - halfway:.1f} s"
 
 
 def main() -> None:

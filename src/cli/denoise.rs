@@ -6,8 +6,8 @@ use clap::Args;
 
 use super::job_args::JobArgs;
 use super::progress::{Mode, Progress};
-use super::signals::stop_on_signal;
-use super::{Exit, print, print_json, say};
+use super::signals::stop_handler;
+use super::{CatchSignals, Exit, print, print_json, say};
 use crate::error::Result;
 use crate::settings::{Layered, Origin};
 use crate::shot::{Action, CancelToken, Event, Job, Plan, Summary, run};
@@ -49,10 +49,10 @@ pub(super) struct DenoiseArgs {
 }
 
 /// Runs the subcommand.
-pub(super) fn denoise(args: &DenoiseArgs) -> Result<Exit> {
+pub(super) fn denoise(args: &DenoiseArgs, catch_signals: CatchSignals) -> Result<Exit> {
     let mode = if args.openjd { Mode::OpenJd } else { Mode::choose(args.quiet, args.json) };
     let progress = Progress::new(mode);
-    let done = denoise_with(args, mode, &progress);
+    let done = denoise_with(args, mode, &progress, catch_signals);
     match done {
         // A machine that reads events finds this one there too.
         Err(error) if matches!(mode, Mode::Json | Mode::OpenJd) => {
@@ -63,12 +63,12 @@ pub(super) fn denoise(args: &DenoiseArgs) -> Result<Exit> {
     }
 }
 
-fn denoise_with(args: &DenoiseArgs, mode: Mode, progress: &Progress) -> Result<Exit> {
+fn denoise_with(args: &DenoiseArgs, mode: Mode, progress: &Progress, catch_signals: CatchSignals) -> Result<Exit> {
     let (sequence, settings) = args.job.shot(&args.inputs)?;
     if matches!(mode, Mode::Bar | Mode::Lines) {
         tell_files(&settings);
     }
-    let job = Job { overwrite: args.overwrite, strict: args.strict, ..settings.job(sequence, None)? };
+    let job = Job { overwrite: args.overwrite, strict: args.strict, skip: args.job.skip()?, ..settings.job(sequence, None)? };
     if args.dry_run {
         let plan = Plan::new(&job)?;
         if mode == Mode::Json {
@@ -80,7 +80,7 @@ fn denoise_with(args: &DenoiseArgs, mode: Mode, progress: &Progress) -> Result<E
     }
     let engine = args.job.engine_for(&settings.values)?;
     let cancel = CancelToken::new();
-    stop_on_signal(&cancel, &job.output)?;
+    catch_signals(stop_handler(&cancel, Some(&job.output)))?;
     let summary = run(&job, &engine, &|event| progress.report(&event), &cancel)?;
     Ok(exit_of(&summary))
 }
@@ -139,7 +139,6 @@ fn show(job: &Job, plan: &Plan) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::error::Error;
 
     fn summary(frames: usize, written: usize, skipped: usize) -> Summary {
         Summary { frames, written, skipped, ..Summary::default() }
@@ -152,7 +151,7 @@ mod tests {
         assert_eq!(exit_of(&Summary { degraded: vec![2], ..summary(3, 3, 0) }), Exit::Partly);
         assert_eq!(exit_of(&Summary { missing: "9".into(), ..summary(3, 3, 0) }), Exit::Partly);
         assert_eq!(exit_of(&Summary { failed: vec![1, 2, 3], ..summary(3, 0, 0) }), Exit::Nothing);
-        assert_eq!(exit_of(&Summary { stopped: Some(Error::Cancelled), ..summary(3, 1, 0) }), Exit::Partly);
+        assert_eq!(exit_of(&Summary { stopped: Some(crate::Error::Cancelled), ..summary(3, 1, 0) }), Exit::Partly);
         assert_eq!(exit_of(&Summary { interrupted: true, ..summary(3, 1, 0) }), Exit::Stopped);
     }
 }

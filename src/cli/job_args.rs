@@ -1,15 +1,16 @@
 //! The options that say what a frame shall look like, and what it may take; shared by `hush denoise` and `hush watch`.
 
 use std::path::{Path, PathBuf};
-use std::sync::Once;
 
 use clap::Args;
 
 use super::setting_args::{SettingArgs, SourceArgs, folder_of};
+use super::skip_args::SkipArgs;
 use crate::engine::{Engine, Settings};
 use crate::error::{Error, Result};
 use crate::io::sequence::Sequence;
 use crate::plan::frames::FrameSet;
+use crate::plan::skip::Skip;
 use crate::settings::{Layered, ShotSettings};
 use crate::shot::Job;
 
@@ -29,12 +30,19 @@ pub(super) struct JobArgs {
     /// Threads for computing [default: all cores]
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=4096))]
     threads: Option<u16>,
+    #[command(flatten)]
+    skip: SkipArgs,
 }
 
 impl JobArgs {
     /// The settings for the frames in a folder (None: those that need no folder), from all sources.
     pub fn settings(&self, folder: Option<&Path>) -> Result<Layered> {
         Ok(self.settings.without_guides(self.sources.gather(folder, self.given()?)?))
+    }
+
+    /// What may be left out.
+    pub fn skip(&self) -> Result<Skip> {
+        self.skip.skip()
     }
 
     /// As [`settings`](Self::settings), with a stage or a settings file that was named without its option.
@@ -89,18 +97,13 @@ impl JobArgs {
             let reason = format!("{} names other weights, and one run has one kind: pass --model", settings.origin("model"));
             return Err(Error::BadSetting { name: "model", reason });
         }
-        settings.job(sequence, engine.values.output.clone())
+        Ok(Job { skip: self.skip()?, ..settings.job(sequence, engine.values.output.clone())? })
     }
 
     /// The engine with the weights and the memory that the settings say.
     pub fn engine_for(&self, settings: &ShotSettings) -> Result<Engine> {
-        static THREADS: Once = Once::new();
-        let mut built = Ok(());
-        if let Some(threads) = self.threads {
-            THREADS.call_once(|| built = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads)).build_global());
-        }
-        built.map_err(|e| Error::BadSetting { name: "threads", reason: e.to_string() })?;
-        let engine = Settings { memory: settings.memory, ..Settings::default() };
+        let threads = self.threads.map(usize::from);
+        let engine = Settings { memory: settings.memory, skip: self.skip()?, threads, ..Settings::default() };
         match &settings.model {
             Some(path) => Engine::from_file(path, engine),
             None => Engine::new(engine),

@@ -4,11 +4,15 @@ mod denoise;
 mod eval;
 mod inspect;
 mod job_args;
+mod plan;
 mod progress;
 mod read_stage;
+mod report;
 mod setting_args;
 mod shot;
+mod shot_args;
 mod signals;
+mod skip_args;
 mod status;
 mod watch;
 
@@ -19,7 +23,7 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
-use crate::error::Error;
+use crate::error::{Error, Result};
 
 const EXIT_CODES: &str = "Exit codes:
   0    every frame asked for is there, written now or before
@@ -45,6 +49,8 @@ enum Command {
     Shot(shot::ShotArgs),
     #[command(name = read_stage::NAME, hide = true)]
     ReadStage(read_stage::ReadStageArgs),
+    Plan(Box<plan::PlanArgs>),
+    Report(Box<report::ReportArgs>),
 }
 
 /// Why the process ends as it does.
@@ -57,35 +63,42 @@ enum Exit {
     Stopped = 130,
 }
 
-impl From<Exit> for ExitCode {
-    fn from(exit: Exit) -> Self {
-        ExitCode::from(exit as u8)
-    }
-}
+/// What a signal does.
+pub type Handler = Box<dyn FnMut() + Send>;
+
+/// Has a handler called at every signal that asks the process to end.
+pub type CatchSignals<'a> = &'a dyn Fn(Handler) -> Result<()>;
 
 /// Runs the command with these arguments (the first is the program's name).
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let bad = |e: ctrlc::Error| Error::BadInput { input: "signal handler".into(), reason: e.to_string() };
+    ExitCode::from(run(args, &|handler| ctrlc::set_handler(handler).map_err(bad)))
+}
+
+/// As [`main`], for a caller that catches signals in its own way; returns the exit code.
+pub fn run(args: impl IntoIterator<Item = OsString>, catch_signals: CatchSignals) -> u8 {
     let cli = match Cli::try_parse_from(args) {
         Ok(cli) => cli,
         Err(error) => {
             let _ = error.print();
             let asked = matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion);
-            return if asked { Exit::Good } else { Exit::Nothing }.into();
+            return if asked { Exit::Good } else { Exit::Nothing } as u8;
         }
     };
     let exit = match cli.command {
-        Command::Denoise(args) => denoise::denoise(&args),
-        Command::Watch(args) => watch::watch_folder(&args),
+        Command::Denoise(args) => denoise::denoise(&args, catch_signals),
+        Command::Watch(args) => watch::watch_folder(&args, catch_signals),
         Command::Inspect(args) => inspect::inspect_files(&args),
         Command::Eval(args) => eval::eval(&args),
         Command::Shot(args) => shot::shot(&args),
         Command::ReadStage(args) => read_stage::read_stage(&args),
+        Command::Plan(args) => plan::plan(&args, catch_signals),
+        Command::Report(args) => report::report(&args, catch_signals),
     };
     exit.unwrap_or_else(|error| {
         say_error(&error);
         if matches!(error, Error::SwitchedOff { .. }) { Exit::SwitchedOff } else { Exit::Nothing }
-    })
-    .into()
+    }) as u8
 }
 
 /// One line on standard output; a closed pipe is not an error.

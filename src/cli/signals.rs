@@ -2,22 +2,20 @@
 
 use std::path::Path;
 
-use super::{Exit, say};
-use crate::error::{Error, Result};
+use super::{Exit, Handler, say};
 use crate::shot::{CancelToken, remove_unfinished};
 
 /// The first signal lets the frame in hand be finished, the second ends the process at once.
-pub(super) fn stop_on_signal(cancel: &CancelToken, output: &Path) -> Result<()> {
-    let (cancel, output) = (cancel.clone(), output.to_path_buf());
-    let handler = move || {
+pub(super) fn stop_handler(cancel: &CancelToken, output: Option<&Path>) -> Handler {
+    let (cancel, output) = (cancel.clone(), output.map(Path::to_path_buf));
+    Box::new(move || {
         if cancel.is_cancelled() {
-            remove_below(&output);
+            output.iter().for_each(|folder| remove_below(folder));
             std::process::exit(Exit::Stopped as i32);
         }
         cancel.cancel();
         say("stopping after the frame in hand; once more stops at once");
-    };
-    ctrlc::set_handler(handler).map_err(|e| Error::BadInput { input: "signal handler".into(), reason: e.to_string() })
+    })
 }
 
 /// What this process has not finished writing, in a folder and, as a watch mirrors folders, below it.

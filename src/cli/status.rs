@@ -80,6 +80,9 @@ fn text(event: &Event<'_>) -> Option<String> {
         Event::Paused { message, .. } => Some(format!("paused: {message}")),
         Event::Warning { message, .. } => Some(format!("warning: {message}")),
         Event::Done(report) => Some(done_text(report)),
+        Event::Shot { shot, event: shot::Event::Start { window, lambda, output, .. } } => {
+            Some(format!("{shot} → {}: window {window}, lambda {lambda}", output.display()))
+        }
         Event::Shot { shot, event } => line(event).map(|line| if shot.is_empty() { line } else { format!("{shot}: {line}") }),
         _ => None,
     }

@@ -5,11 +5,11 @@ use std::time::Duration;
 
 use clap::Args;
 
-use super::Exit;
 use super::job_args::JobArgs;
 use super::progress::Mode;
-use super::signals::stop_on_signal;
+use super::signals::stop_handler;
 use super::status::Status;
+use super::{CatchSignals, Exit};
 use crate::error::Result;
 use crate::shot::{CancelToken, Event};
 use crate::watch::{self, Options, Report, watch};
@@ -49,10 +49,10 @@ pub(super) struct WatchArgs {
 }
 
 /// Runs the subcommand.
-pub(super) fn watch_folder(args: &WatchArgs) -> Result<Exit> {
+pub(super) fn watch_folder(args: &WatchArgs, catch_signals: CatchSignals) -> Result<Exit> {
     let mode = Mode::choose(args.quiet, args.json);
     let status = Status::new(mode);
-    let done = watch_with(args, &status);
+    let done = watch_with(args, &status, catch_signals);
     if let (Err(error), Mode::Json) = (&done, mode) {
         // A machine that reads events finds this one there too.
         let event = Event::Error { frame: None, message: error.to_string() };
@@ -61,7 +61,7 @@ pub(super) fn watch_folder(args: &WatchArgs) -> Result<Exit> {
     done
 }
 
-fn watch_with(args: &WatchArgs, status: &Status) -> Result<Exit> {
+fn watch_with(args: &WatchArgs, status: &Status, catch_signals: CatchSignals) -> Result<Exit> {
     let settings = args.job.settings(None)?;
     let output = settings.output()?;
     let options = Options {
@@ -74,7 +74,7 @@ fn watch_with(args: &WatchArgs, status: &Status) -> Result<Exit> {
     };
     let engine = args.job.engine_for(&settings.values)?;
     let cancel = CancelToken::new();
-    stop_on_signal(&cancel, &output)?;
+    catch_signals(stop_handler(&cancel, Some(&output)))?;
     let report =
         watch(&options, &|sequence| args.job.job_with(sequence, &settings), &engine, &|event| status.report(&event), &cancel)?;
     Ok(exit_of(&report))

@@ -1,10 +1,17 @@
 //! The denoiser on frames in memory: encode each frame once, denoise it with the encoded frames around it.
 
+use clock::Clock;
+pub use clock::{STAGES, Stage};
 use ndarray::{Array2, Array3, s};
+use paths::{Path, paths};
+use settings::check_levels;
+pub use settings::{LEVELS, Settings};
+use unpack::{own_pixels, unpack};
 
 use crate::error::{Error, Result};
-use crate::frame::packed::PackedFrame;
-use crate::frame::{Aov, Frame};
+use crate::frame::packed::{Guides, PackedFrame};
+use crate::frame::ranges::Ranges;
+use crate::frame::{Aov, Frame, FrameView};
 use crate::kernels::Channels;
 use crate::kernels::planes::Planes;
 use crate::network::body::Body;
@@ -14,10 +21,13 @@ use crate::network::levels::{Levels, Margins, kernel_reach, pyramid_of};
 use crate::network::pairs::Neighbour;
 use crate::network::predictor::Predictor;
 use crate::network::temporal::Temporal;
-use crate::network::warp::{EXTRAS, Warped, centre_planes, warp};
+use crate::network::warp::{EXTRAS, Warped, any_trusted, centre_planes, warp};
 use crate::network::weights::Weights;
-use crate::plan::tiles::{Tile, tiles};
-use crate::plan::window::{LAMBDA_RANGE, MAX_WINDOW};
+use crate::plan::active::{Way, active_blocks};
+use crate::plan::cover::cover;
+use crate::plan::skip::{LeftOut, Skip};
+use crate::plan::tiles::{Rect, Tile, tiles};
+use crate::plan::window::LAMBDA_RANGE;
 use crate::simd::{Activation, Isa, keep_at_most};
 
 /// What the frames in the window and one tile may take together where nothing is said.
@@ -25,26 +35,26 @@ const MEMORY: u64 = 3200 << 20;
 /// What one tile takes at most and at least, whatever is allowed: a whole 1080p frame with a ±2 window takes about the most.
 const TILE_MEMORY: (u64, u64) = (320 << 20, 1 << 30);
 
-/// How to denoise.
-#[derive(Clone, Debug, Default)]
-pub struct Settings {
-    /// Bytes that the frames in the window and the buffers of one tile may take together; None is 3.1 GiB, and 320 MiB for a tile
-    /// in any case. Less memory means more and smaller tiles, and the same bits.
-    pub memory: Option<u64>,
-    /// The instruction set; None is the fastest. AVX2 and AVX-512 give the same bits, the portable path agrees to 1e-4.
-    pub isa: Option<Isa>,
+/// What one frame's denoising holds, in bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Footprint {
+    /// The frames of the window.
+    pub window: usize,
+    /// The buffers of the largest tile.
+    pub tile: usize,
 }
 
 /// A frame as the engine keeps it while it is in the window.
 pub struct EncodedFrame {
     packed: PackedFrame,
+    ranges: Ranges,
     features: Features,
 }
 
 impl EncodedFrame {
     /// Bytes that this frame holds.
     pub fn bytes(&self) -> usize {
-        self.packed.bytes() + self.features.bytes()
+        self.packed.bytes() + self.ranges.bytes() + self.features.bytes()
     }
 
     /// Whether the frame came with motion vectors.
@@ -68,6 +78,7 @@ pub struct Denoised {
 pub struct Engine {
     settings: Settings,
     isa: Isa,
+    pool: Option<rayon::ThreadPool>,
     encoder: Encoder,
     temporal: Temporal,
     body: Body,
@@ -76,6 +87,7 @@ pub struct Engine {
     widths: [usize; 4],
     epsilon: f32,
     channels_per_pixel: usize,
+    clock: Clock,
 }
 
 impl Engine {
@@ -89,10 +101,14 @@ impl Engine {
         Self::from_weights(&Weights::from_file(path)?, settings)
     }
 
-    /// An engine with weights in memory. Errors name the tensor that is missing or misshapen.
+    /// An engine with weights in memory. Errors name the tensor that is missing or misshapen, or a setting out of its range.
     pub fn from_weights(weights: &Weights, settings: Settings) -> Result<Self> {
+        check_levels(settings.levels)?;
         let a = &weights.architecture;
+        let bad_threads = |e: rayon::ThreadPoolBuildError| Error::BadSetting { name: "threads", reason: e.to_string() };
+        let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(bad_threads);
         Ok(Self {
+            pool: settings.threads.map(pool).transpose()?,
             isa: settings.isa.unwrap_or_else(Isa::detect),
             settings,
             encoder: Encoder::new(weights)?,
@@ -103,6 +119,7 @@ impl Engine {
             widths: [a.centre_taps, a.neighbour_taps, a.coarse_taps, a.albedo_taps],
             epsilon: a.albedo_epsilon,
             channels_per_pixel: 3 * a.half + a.quarter + a.eighth / 2,
+            clock: Clock::default(),
         })
     }
 
@@ -110,13 +127,65 @@ impl Engine {
     ///
     /// Errors where passes differ in size or the frame is empty.
     pub fn encode(&self, frame: Frame) -> Result<EncodedFrame> {
+        self.clock.time(Stage::Encode, || {
+            let packed = self.pack(&frame.view())?;
+            // Of the frame only the guides are needed from here on: large frames want the memory.
+            let Frame { albedo, normal, .. } = frame;
+            let guides = Guides { albedo: albedo.as_ref().map(|a| a.view()), normal: normal.as_ref().map(|n| n.view()) };
+            Ok(self.finish_encoding(packed, &guides))
+        })
+    }
+
+    /// As [`Engine::encode`], for passes that lie elsewhere, in any layout; none of them is copied.
+    pub fn encode_view(&self, frame: &FrameView) -> Result<EncodedFrame> {
+        self.clock.time(Stage::Encode, || {
+            let guides = Guides { albedo: frame.albedo, normal: frame.normal };
+            Ok(self.finish_encoding(self.pack(frame)?, &guides))
+        })
+    }
+
+    /// As [`encode`](Self::encode) without the features: enough for [`left_out`](Self::left_out); it cannot be denoised or help.
+    pub fn look(&self, frame: &Frame) -> Result<EncodedFrame> {
+        let packed = self.pack(&frame.view())?;
+        Ok(EncodedFrame { ranges: self.in_pool(|| Ranges::new(&packed)), packed, features: Features::new(0, 0, 0) })
+    }
+
+    /// The instruction set of the kernels.
+    pub fn isa(&self) -> Isa {
+        self.isa
+    }
+
+    /// Threads that compute.
+    pub fn threads(&self) -> usize {
+        self.in_pool(rayon::current_num_threads)
+    }
+
+    /// Seconds spent in each stage since the engine was made, in the order of [`STAGES`].
+    pub fn stage_seconds(&self) -> [f64; STAGES.len()] {
+        self.clock.seconds()
+    }
+
+    fn pack(&self, frame: &FrameView) -> Result<PackedFrame> {
         let (rows, columns) = frame.size();
         if rows == 0 || columns == 0 {
             return Err(Error::BadInput { input: "frame".into(), reason: format!("{columns}×{rows} has no pixels") });
         }
-        let (packed, guides) = PackedFrame::new(frame, self.epsilon)?;
-        let features = self.encoder.run(self.isa, &packed, &guides);
-        Ok(EncodedFrame { packed, features })
+        self.in_pool(|| PackedFrame::new(frame, self.epsilon))
+    }
+
+    fn finish_encoding(&self, packed: PackedFrame, guides: &Guides) -> EncodedFrame {
+        self.in_pool(|| {
+            let features = self.encoder.run(self.isa, &packed, guides);
+            EncodedFrame { ranges: Ranges::new(&packed), packed, features }
+        })
+    }
+
+    /// Does some work with the threads that the settings allow.
+    pub fn in_pool<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
+        match &self.pool {
+            Some(pool) => pool.install(work),
+            None => work(),
+        }
     }
 
     /// Denoises `centre`.
@@ -125,6 +194,29 @@ impl Engine {
     /// between, to chain motion vectors through, and is left out without them, as is one of another size or with other AOVs.
     /// `lambda` is in 1…64: greater is clamped, less or NaN refused. Frames encoded for a network of another width are refused.
     pub fn denoise(&self, centre: &EncodedFrame, neighbours: &[(i32, &EncodedFrame)], lambda: f32) -> Result<Denoised> {
+        self.denoise_and_tell(centre, neighbours, lambda).map(|(denoised, _)| denoised)
+    }
+
+    /// As [`denoise`](Self::denoise); tells what was left out, too.
+    pub fn denoise_and_tell(
+        &self,
+        centre: &EncodedFrame,
+        neighbours: &[(i32, &EncodedFrame)],
+        lambda: f32,
+    ) -> Result<(Denoised, LeftOut)> {
+        self.denoise_with(centre, neighbours, lambda, (self.settings.skip, self.settings.levels))
+    }
+
+    /// As [`denoise_and_tell`](Self::denoise_and_tell), leaving out what `skip` says and using as many pyramid levels as
+    /// `levels` says (1 to 3) instead of what the settings say.
+    pub fn denoise_with(
+        &self,
+        centre: &EncodedFrame,
+        neighbours: &[(i32, &EncodedFrame)],
+        lambda: f32,
+        (skip, levels): (Skip, usize),
+    ) -> Result<(Denoised, LeftOut)> {
+        check_levels(levels)?;
         let (least, most) = LAMBDA_RANGE;
         if lambda.is_nan() || lambda < least {
             return Err(Error::BadSetting { name: "lambda", reason: format!("{lambda} is not in {least}…{most}") });
@@ -133,31 +225,106 @@ impl Engine {
         if neighbours.iter().map(|n| n.1).chain([centre]).any(|f| f.features.shape().2 != self.features) {
             return Err(Error::BadInput {
                 input: "frame".into(),
-                reason: "was encoded for another network: encode it again".into(),
+                reason: "was only looked at, or encoded for another network: encode it".into(),
             });
         }
-        let paths = paths(centre, neighbours);
+        Ok(self.in_pool(|| self.run(&self.plan(centre, neighbours, skip, levels), lambda)))
+    }
+
+    /// What `skip` leaves out of `centre`; arguments as for [`denoise`](Self::denoise), and frames that were only
+    /// [looked at](Self::look) do. A neighbour counts as untrusted if no pixel of the whole frame may use it.
+    pub fn left_out(&self, centre: &EncodedFrame, neighbours: &[(i32, &EncodedFrame)], skip: Skip) -> LeftOut {
+        self.in_pool(|| {
+            let plan = self.plan(centre, neighbours, skip, self.settings.levels);
+            let used = |path: &Path| {
+                let frames: Vec<&PackedFrame> = path.frames.iter().map(|f| &f.packed).collect();
+                !skip.untrusted || any_trusted(&frames, (path.offset, path.is_still()))
+            };
+            plan.told(&plan.paths.iter().map(used).collect::<Vec<_>>())
+        })
+    }
+
+    /// What denoising `centre` holds in memory besides the images; arguments as for [`denoise`](Self::denoise).
+    pub fn footprint(&self, centre: &EncodedFrame, neighbours: &[(i32, &EncodedFrame)]) -> Footprint {
+        let plan = self.plan(centre, neighbours, self.settings.skip, self.settings.levels);
+        let area = self.tiles(&plan).0.iter().map(|t| t.region.area()).max().unwrap_or(0);
+        Footprint { window: plan.window_bytes(), tile: area * self.bytes_per_pixel(&plan.channels, plan.paths.len()) }
+    }
+
+    fn plan<'a>(
+        &self,
+        centre: &'a EncodedFrame,
+        neighbours: &[(i32, &'a EncodedFrame)],
+        skip: Skip,
+        levels: usize,
+    ) -> FramePlan<'a> {
+        let packed = &centre.packed;
+        let mut left_out = LeftOut::default();
+        let mut channels = Channels::new(packed.extra, packed.has_alpha);
+        let mut paths = paths(centre, neighbours);
+        if skip.repeated {
+            let before = paths.len();
+            paths.retain(|path| path.neighbour().packed.groups[0][..] != packed.groups[0][..]);
+            left_out.repeated = before - paths.len();
+        }
+        let window = || paths.iter().map(Path::neighbour).chain([centre]);
+        if skip.opaque && channels.alpha && window().all(|f| f.ranges.opaque) {
+            channels = channels.opaque();
+            left_out.alpha = true;
+        }
+        let (rows, columns) = (packed.padded_rows / 2, packed.padded_columns / 2);
+        let whole = Rect { row: 0, column: 0, rows, columns };
+        let mut parts = vec![whole];
+        if skip.constant {
+            let way = |path: &Path<'a>| Way { frames: path.frames.iter().map(|f| &f.ranges).collect(), later: path.offset > 0 };
+            let ways: Vec<Way> = paths.iter().map(way).collect();
+            let active = active_blocks(&centre.ranges, &ways, 2 * kernel_reach(self.widths));
+            parts = cover(&active, rows, columns, self.halo());
+            let kept: usize = parts.iter().map(|p| p.grown(self.halo(), rows, columns).area()).sum();
+            left_out.constant = 1.0 - (kept as f64 / whole.area() as f64).min(1.0);
+        }
+        left_out.still = if skip.still { paths.iter().filter(|p| p.is_still()).count() } else { 0 };
+        FramePlan { centre, paths, channels, parts, skip, levels, left_out }
+    }
+
+    fn run(&self, plan: &FramePlan, lambda: f32) -> (Denoised, LeftOut) {
+        let FramePlan { centre, paths, channels, .. } = plan;
         let packed = &centre.packed;
         let (half_rows, half_columns) = (packed.padded_rows / 2, packed.padded_columns / 2);
-        let channels = Channels::new(packed.extra, packed.has_alpha);
-        let halo = self.body.halo(kernel_reach(self.widths));
-        let window: usize = neighbours.iter().map(|n| n.1.bytes()).sum::<usize>() + centre.bytes();
-        let left = |allowed: u64| allowed.saturating_sub(window as u64).min(TILE_MEMORY.1);
-        let tile = self.settings.memory.map_or(left(MEMORY).max(TILE_MEMORY.0), left) as usize;
-        let area = tile / self.bytes_per_pixel(&channels, paths.len());
-        let tiles = tiles(half_rows, half_columns, halo, area);
+        let (tiles, tile) = self.tiles(plan);
         // Tiles of several sizes leave buffers behind that fit nothing; a single one is the same size frame after frame.
         keep_at_most(if tiles.len() == 1 { TILE_MEMORY.1 as usize } else { tile / 4 });
-        if let [whole] = tiles[..] {
-            return Ok(unpack(self.tile(centre, &paths, whole, channels, lambda).image, packed));
+        let covered = tiles.iter().map(|t| t.core.area()).sum::<usize>() == half_rows * half_columns;
+        if let ([whole], true) = (&tiles[..], covered) {
+            let stages = self.tile(plan, *whole, lambda);
+            return (self.clock.time(Stage::Unpack, || unpack(stages.image, packed, channels)), plan.told(&stages.used));
         }
-        let mut out = Array3::zeros((packed.padded_rows, packed.padded_columns, channels.values));
+        let size = (packed.padded_rows, packed.padded_columns, channels.values);
+        let mut out = if covered { Array3::zeros(size) } else { own_pixels(packed, channels) };
+        let mut used = vec![tiles.is_empty(); paths.len()];
         for tile in tiles {
-            let image = self.tile(centre, &paths, tile, channels, lambda).image;
+            let stages = self.tile(plan, tile, lambda);
             let c = tile.core;
-            out.slice_mut(s![2 * c.row..2 * (c.row + c.rows), 2 * c.column..2 * (c.column + c.columns), ..]).assign(&image);
+            out.slice_mut(s![2 * c.row..2 * (c.row + c.rows), 2 * c.column..2 * (c.column + c.columns), ..])
+                .assign(&stages.image);
+            used.iter_mut().zip(stages.used).for_each(|(all, one)| *all |= one);
         }
-        Ok(unpack(out, packed))
+        (self.clock.time(Stage::Unpack, || unpack(out, packed, channels)), plan.told(&used))
+    }
+
+    /// The tiles of what is to be computed, and what one may take in bytes.
+    fn tiles(&self, plan: &FramePlan) -> (Vec<Tile>, usize) {
+        let packed = &plan.centre.packed;
+        let (half_rows, half_columns) = (packed.padded_rows / 2, packed.padded_columns / 2);
+        let left = |allowed: u64| allowed.saturating_sub(plan.window_bytes() as u64).min(TILE_MEMORY.1);
+        let tile = self.settings.memory.map_or(left(MEMORY).max(TILE_MEMORY.0), left) as usize;
+        let area = tile / self.bytes_per_pixel(&plan.channels, plan.paths.len());
+        (plan.parts.iter().flat_map(|p| tiles(*p, half_rows, half_columns, self.halo(), area)).collect(), tile)
+    }
+
+    /// Half-resolution pixels around a part of the frame that its result depends on.
+    fn halo(&self) -> usize {
+        self.body.halo(kernel_reach(self.widths))
     }
 
     /// Bytes that one half-resolution pixel of a tile takes.
@@ -166,22 +333,30 @@ impl Engine {
         4 * (self.channels_per_pixel + images + neighbours * (EXTRAS + 4) + 4 * channels.values)
     }
 
-    fn tile(&self, centre: &EncodedFrame, paths: &[Path], tile: Tile, channels: Channels, lambda: f32) -> Stages {
-        let region = tile.region;
+    fn tile(&self, plan: &FramePlan, tile: Tile, lambda: f32) -> Stages {
+        let (centre, channels, skip, region) = (plan.centre, plan.channels, plan.skip, tile.region);
         let margins = Margins::new(self.widths[0].max(self.widths[1]).max(self.widths[3]), self.widths[2]);
-        let (images, warped): (Vec<Planes>, Vec<Warped>) = paths
-            .iter()
-            .map(|path| {
-                let frames: Vec<&PackedFrame> = path.frames.iter().map(|f| &f.packed).collect();
-                warp(self.isa, &frames, path.offset, region, &channels, margins.full)
-            })
-            .unzip();
-        let pyramid = pyramid_of(centre_planes(&centre.packed, region, &channels, margins.full), images, &channels, margins);
+        let seen = plan.paths.iter().map(|path| {
+            let frames: Vec<&PackedFrame> = path.frames.iter().map(|f| &f.packed).collect();
+            let still = skip.still && path.is_still();
+            let offset = (path.offset, still);
+            (path, self.clock.time(Stage::Warp, || warp(self.isa, &frames, offset, region, &channels, margins.full)))
+        });
+        let mut used = Vec::with_capacity(plan.paths.len());
+        let seen = seen.filter(|(_, (_, warped))| {
+            used.push(warped.trusted || !skip.untrusted);
+            warped.trusted || !skip.untrusted
+        });
+        let (paths, (images, warped)): (Vec<&Path>, (Vec<Planes>, Vec<Warped>)) = seen.unzip();
+        let pyramid = self.clock.time(Stage::Coarse, || {
+            let own = centre_planes(&centre.packed, region, &channels, margins.full);
+            pyramid_of(own, images, &channels, margins, plan.levels)
+        });
         let neighbours: Vec<Neighbour> =
             paths.iter().zip(&warped).map(|(path, warped)| Neighbour { features: &path.neighbour().features, warped }).collect();
         let mut mixed = Activation::empty();
-        self.temporal.run(self.isa, &centre.features, &neighbours, region, &mut mixed);
-        let (half_features, quarter_features) = self.body.run(self.isa, mixed, lambda);
+        self.clock.time(Stage::Temporal, || self.temporal.run(self.isa, &centre.features, &neighbours, region, &mut mixed));
+        let (half_features, quarter_features) = self.clock.time(Stage::Body, || self.body.run(self.isa, mixed, lambda));
         let levels = Levels {
             isa: self.isa,
             predictor: &self.predictor,
@@ -194,15 +369,40 @@ impl Engine {
             tile,
             widths: self.widths,
         };
-        let (quarter, half, image) = levels.run();
-        Stages { half_features, quarter_features, quarter, half, image }
+        let (quarter, half) = self.clock.time(Stage::Coarse, || levels.coarse());
+        let image = self.clock.time(Stage::Full, || levels.full(half.as_ref()));
+        Stages { half_features, quarter_features, quarter, half, image, used }
     }
 
     #[cfg(test)]
     fn stages(&self, centre: &EncodedFrame, neighbours: &[(i32, &EncodedFrame)], lambda: f32) -> Stages {
-        let channels = Channels::new(centre.packed.extra, centre.packed.has_alpha);
-        let size = (centre.packed.padded_rows / 2, centre.packed.padded_columns / 2);
-        self.tile(centre, &paths(centre, neighbours), tiles(size.0, size.1, 0, usize::MAX)[0], channels, lambda)
+        let plan = self.plan(centre, neighbours, self.settings.skip, self.settings.levels);
+        let whole = Rect { row: 0, column: 0, rows: centre.packed.padded_rows / 2, columns: centre.packed.padded_columns / 2 };
+        self.tile(&plan, Tile { core: whole, region: whole }, lambda)
+    }
+}
+
+/// What is computed of one frame, and from what.
+struct FramePlan<'a> {
+    centre: &'a EncodedFrame,
+    paths: Vec<Path<'a>>,
+    channels: Channels,
+    /// In half-resolution pixels; the rest keeps its own pixels.
+    parts: Vec<Rect>,
+    skip: Skip,
+    levels: usize,
+    left_out: LeftOut,
+}
+
+impl FramePlan<'_> {
+    /// Bytes that the frames of the window hold.
+    fn window_bytes(&self) -> usize {
+        self.paths.iter().map(|p| p.neighbour().bytes()).sum::<usize>() + self.centre.bytes()
+    }
+
+    /// What was left out, once it is known which neighbours had anything to give.
+    fn told(&self, used: &[bool]) -> LeftOut {
+        LeftOut { untrusted: used.iter().filter(|used| !**used).count(), ..self.left_out }
     }
 }
 
@@ -211,60 +411,18 @@ impl Engine {
 struct Stages {
     half_features: Activation,
     quarter_features: Activation,
-    quarter: Planes,
-    half: Planes,
+    quarter: Option<Planes>,
+    half: Option<Planes>,
     /// The core, (rows, columns, values).
     image: Array3<f32>,
+    /// For each neighbour whether it had any pixel to give.
+    used: Vec<bool>,
 }
 
-/// The frames from the centre to a neighbour, one step of motion each.
-struct Path<'a> {
-    offset: i32,
-    frames: Vec<&'a EncodedFrame>,
-}
-
-impl<'a> Path<'a> {
-    fn neighbour(&self) -> &'a EncodedFrame {
-        self.frames[self.frames.len() - 1]
-    }
-}
-
-/// For each usable neighbour the frames from the centre to it, nearest neighbours first.
-fn paths<'a>(centre: &'a EncodedFrame, neighbours: &[(i32, &'a EncodedFrame)]) -> Vec<Path<'a>> {
-    let size = |f: &EncodedFrame| (f.packed.rows, f.packed.columns);
-    let fits = |f: &EncodedFrame| {
-        size(f) == size(centre) && f.packed.aov_names == centre.packed.aov_names && f.packed.has_alpha == centre.packed.has_alpha
-    };
-    let at = |offset: i32| neighbours.iter().find(|(o, f)| *o == offset && fits(f)).map(|(_, f)| *f);
-    let mut out = Vec::new();
-    for distance in 1..=MAX_WINDOW as i32 {
-        for sign in [-1, 1] {
-            let path: Option<Vec<&EncodedFrame>> = (1..=distance).map(|d| at(sign * d)).collect();
-            let Some(path) = path else { continue };
-            let frames: Vec<&EncodedFrame> = std::iter::once(centre).chain(path).collect();
-            if frames[..frames.len() - 1].iter().all(|f| f.has_vectors()) {
-                out.push(Path { offset: sign * distance, frames });
-            }
-        }
-    }
-    out
-}
-
-/// Cuts the padding off and tells the channels apart.
-fn unpack(image: Array3<f32>, packed: &PackedFrame) -> Denoised {
-    if image.dim() == (packed.rows, packed.columns, 3) {
-        return Denoised { colour: image, alpha: None, aovs: Vec::new() };
-    }
-    let image = image.slice(s![..packed.rows, ..packed.columns, ..]);
-    let alpha = packed.has_alpha.then(|| image.slice(s![.., .., 3]).mapv(|a| a.clamp(0.0, 1.0)));
-    let first = 3 + usize::from(packed.has_alpha);
-    let aov = |(i, name): (usize, &String)| Aov {
-        name: name.clone(),
-        image: image.slice(s![.., .., first + 3 * i..first + 3 * i + 3]).to_owned(),
-    };
-    let aovs = packed.aov_names.iter().enumerate().map(aov).collect();
-    Denoised { colour: image.slice(s![.., .., ..3]).to_owned(), alpha, aovs }
-}
-
+mod clock;
 #[cfg(test)]
 mod golden_tests;
+mod paths;
+pub(crate) mod probe;
+mod settings;
+mod unpack;

@@ -1,9 +1,11 @@
 //! One frame's passes in memory.
 
+pub mod exposure;
 pub mod packed;
 pub mod pixels;
+pub mod ranges;
 
-use ndarray::{Array2, Array3};
+use ndarray::{Array2, Array3, ArrayView2, ArrayView3};
 
 use crate::error::{Error, Result};
 
@@ -43,6 +45,44 @@ impl Frame {
 
     /// Rows and columns.
     pub fn size(&self) -> (usize, usize) {
+        self.view().size()
+    }
+
+    /// Checks that every pass has the beauty's size and the right number of channels.
+    pub fn check(&self) -> Result<()> {
+        self.view().check()
+    }
+
+    /// The same passes, borrowed.
+    pub fn view(&self) -> FrameView<'_> {
+        FrameView {
+            colour: self.colour.view(),
+            alpha: self.alpha.as_ref().map(|p| p.view()),
+            albedo: self.albedo.as_ref().map(|p| p.view()),
+            normal: self.normal.as_ref().map(|p| p.view()),
+            depth: self.depth.as_ref().map(|p| p.view()),
+            vector: self.vector.as_ref().map(|p| p.view()),
+            aovs: self.aovs.iter().map(|a| (a.name.as_str(), a.image.view())).collect(),
+        }
+    }
+}
+
+/// The passes of one frame where they lie; what each is stands with [`Frame`].
+#[derive(Clone, Debug)]
+pub struct FrameView<'a> {
+    pub colour: ArrayView3<'a, f32>,
+    pub alpha: Option<ArrayView2<'a, f32>>,
+    pub albedo: Option<ArrayView3<'a, f32>>,
+    pub normal: Option<ArrayView3<'a, f32>>,
+    pub depth: Option<ArrayView2<'a, f32>>,
+    pub vector: Option<ArrayView3<'a, f32>>,
+    /// Name and image.
+    pub aovs: Vec<(&'a str, ArrayView3<'a, f32>)>,
+}
+
+impl FrameView<'_> {
+    /// Rows and columns.
+    pub fn size(&self) -> (usize, usize) {
         (self.colour.dim().0, self.colour.dim().1)
     }
 
@@ -55,7 +95,7 @@ impl Frame {
         shapes.extend(self.vector.as_ref().map(|p| ("vector", p.dim(), 4)));
         shapes.extend(self.depth.as_ref().map(|p| ("depth", (p.dim().0, p.dim().1, 1), 1)));
         shapes.extend(self.alpha.as_ref().map(|p| ("alpha", (p.dim().0, p.dim().1, 1), 1)));
-        shapes.extend(self.aovs.iter().map(|a| (a.name.as_str(), a.image.dim(), 3)));
+        shapes.extend(self.aovs.iter().map(|(name, image)| (*name, image.dim(), 3)));
         for (what, (r, c, channels), expected) in shapes {
             if (r, c) != (rows, columns) {
                 return Err(Error::SizeMismatch { what: what.into(), columns, rows, found_columns: c, found_rows: r });

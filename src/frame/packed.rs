@@ -2,10 +2,11 @@
 //!
 //! A warp then reads one cache-line half per corner, whatever it samples.
 
-use ndarray::{Array2, Array3, ArrayView2, ArrayView3};
+use ndarray::{ArrayView2, ArrayView3};
 use rayon::prelude::*;
 
-use super::Frame;
+use super::FrameView;
+use super::exposure::exposure;
 use super::pixels::Pixels;
 use crate::error::Result;
 
@@ -51,12 +52,12 @@ pub struct PackedFrame {
 }
 
 /// The guides as the encoder sees them, at the frame's own size.
-pub struct Guides {
-    pub albedo: Option<Array3<f32>>,
-    pub normal: Option<Array3<f32>>,
+pub struct Guides<'a> {
+    pub albedo: Option<ArrayView3<'a, f32>>,
+    pub normal: Option<ArrayView3<'a, f32>>,
 }
 
-fn radiance(x: f32) -> f32 {
+pub(super) fn radiance(x: f32) -> f32 {
     x.clamp(0.0, BRIGHTEST)
 }
 
@@ -67,18 +68,18 @@ pub fn bounded(v: f32, low: f32) -> f32 {
 
 impl PackedFrame {
     /// Packs a frame for a network that adds `epsilon` to the albedo. Errors when passes differ in size.
-    pub fn new(frame: Frame, epsilon: f32) -> Result<(Self, Guides)> {
+    pub fn new(frame: &FrameView, epsilon: f32) -> Result<Self> {
         frame.check()?;
         let (rows, columns) = frame.size();
         let (padded_rows, padded_columns) = (rows.next_multiple_of(ALIGNMENT), columns.next_multiple_of(ALIGNMENT));
-        let depth_scale = frame.depth.as_ref().map_or(0.0, |d| depth_scale(d.view(), frame.colour.view()));
+        let depth_scale = frame.depth.as_ref().map_or(0.0, |d| depth_scale(*d, frame.colour));
         let has_alpha = frame.alpha.is_some();
         let extra = usize::from(has_alpha) + 3 * frame.aovs.len();
         let mut groups: Vec<Pixels<8>> =
             (0..1 + extra.div_ceil(8)).map(|_| Pixels::unspecified(padded_rows * padded_columns)).collect();
         groups[1..].iter_mut().for_each(|group| group.fill([0.0; 8]));
         let (first, more) = groups.split_at_mut(1);
-        let colour = frame.colour.view();
+        let colour = frame.colour;
         first[0].par_chunks_mut(padded_columns).enumerate().for_each(|(y, row)| {
             let inside_row = y < rows;
             let y = y.min(rows - 1);
@@ -95,7 +96,7 @@ impl PackedFrame {
                 lanes[INVALID] = if inside && finite { 0.0 } else { 1.0 };
             }
         });
-        for (channel, image) in extra_channels(&frame).into_iter().enumerate() {
+        for (channel, image) in extra_channels(frame).into_iter().enumerate() {
             let lane = channel % 8;
             let base = &first[0];
             more[channel / 8].par_chunks_mut(padded_columns).enumerate().for_each(|(y, row)| {
@@ -108,11 +109,10 @@ impl PackedFrame {
                 }
             });
         }
-        let vectors = frame.vector.as_ref().map(|v| pack_vectors(v.view(), padded_rows, padded_columns));
-        let exposure = exposure(frame.colour.view());
-        let aov_names = frame.aovs.iter().map(|a| a.name.clone()).collect();
-        let packed = Self { rows, columns, padded_rows, padded_columns, exposure, groups, extra, has_alpha, aov_names, vectors };
-        Ok((packed, Guides { albedo: frame.albedo, normal: frame.normal }))
+        let vectors = frame.vector.as_ref().map(|v| pack_vectors(*v, padded_rows, padded_columns));
+        let exposure = exposure(frame.colour);
+        let aov_names = frame.aovs.iter().map(|(name, _)| name.to_string()).collect();
+        Ok(Self { rows, columns, padded_rows, padded_columns, exposure, groups, extra, has_alpha, aov_names, vectors })
     }
 
     /// Bytes that this frame holds.
@@ -123,9 +123,9 @@ impl PackedFrame {
 }
 
 /// Extra channels in order, with the modulation channel that demodulates them (none for alpha).
-fn extra_channels(frame: &Frame) -> Vec<(ArrayView2<'_, f32>, Option<usize>)> {
-    let alpha = frame.alpha.iter().map(|a: &Array2<f32>| (a.view(), None));
-    let aovs = frame.aovs.iter().flat_map(|a| (0..3).map(move |c| (a.image.slice(ndarray::s![.., .., c]), Some(c))));
+fn extra_channels<'a>(frame: &FrameView<'a>) -> Vec<(ArrayView2<'a, f32>, Option<usize>)> {
+    let alpha = frame.alpha.iter().map(|a| (*a, None));
+    let aovs = frame.aovs.iter().flat_map(|(_, image)| (0..3).map(move |c| (image.slice_move(ndarray::s![.., .., c]), Some(c))));
     alpha.chain(aovs).collect()
 }
 
@@ -155,37 +155,12 @@ fn depth_scale(depth: ArrayView2<f32>, colour: ArrayView3<f32>) -> f32 {
     if count == 0 { 1.0 } else { (count as f64 / sum) as f32 }
 }
 
-/// The scale that brings the log-average luminance over 16×16 blocks to 0.18; 1 for a black frame (`geometry.exposure`).
-pub fn exposure(colour: ArrayView3<f32>) -> f32 {
-    const BLOCK: usize = 16;
-    let (rows, columns, _) = colour.dim();
-    let means: Vec<f64> = (0..rows.div_ceil(BLOCK))
-        .into_par_iter()
-        .flat_map_iter(|by| (0..columns.div_ceil(BLOCK)).map(move |bx| (by, bx)))
-        .map(|(by, bx)| {
-            let (mut sum, mut count) = (0.0f64, 0u32);
-            for y in by * BLOCK..rows.min((by + 1) * BLOCK) {
-                for x in bx * BLOCK..columns.min((bx + 1) * BLOCK) {
-                    let [r, g, b] = std::array::from_fn(|c| colour[[y, x, c]]);
-                    if r.is_finite() && g.is_finite() && b.is_finite() {
-                        sum += f64::from(0.2126 * radiance(r) + 0.7152 * radiance(g) + 0.0722 * radiance(b));
-                        count += 1;
-                    }
-                }
-            }
-            if count == 0 { 0.0 } else { sum / f64::from(count) }
-        })
-        .collect();
-    let threshold = means.iter().copied().fold(0.0, f64::max) * 1e-6;
-    let (sum, count) = means.iter().filter(|m| **m > threshold).fold((0.0, 0u32), |(s, n), m| (s + m.log2(), n + 1));
-    if count == 0 { 1.0 } else { (0.18 / (sum / f64::from(count)).exp2()).clamp(1e-35, 1e35) as f32 }
-}
-
 #[cfg(test)]
 mod tests {
-    use ndarray::Array3;
+    use ndarray::{Array2, Array3};
 
     use super::*;
+    use crate::frame::Frame;
 
     #[test]
     fn bad_pixels_are_marked_and_do_not_spread() {
@@ -193,7 +168,7 @@ mod tests {
         colour[[1, 2, 0]] = f32::NAN;
         colour[[2, 4, 1]] = f32::INFINITY;
         colour[[0, 0, 2]] = -7.0;
-        let (packed, _) = PackedFrame::new(Frame::new(colour), 0.05).unwrap();
+        let packed = PackedFrame::new(&Frame::new(colour).view(), 0.05).unwrap();
         assert_eq!((packed.padded_rows, packed.padded_columns), (8, 8));
         let invalid: usize = packed.groups[0].iter().map(|p| p[INVALID] as usize).sum();
         assert_eq!(invalid, 64 - 15 + 2);
@@ -208,19 +183,8 @@ mod tests {
             frame.depth = Some(Array2::from_shape_fn((9, 9), |(_, x)| if x == 4 { far } else { near }));
             // Depths at bad colours do not count towards the mean, but are there.
             frame.colour.slice_mut(ndarray::s![.., 4, ..]).fill(f32::NAN);
-            let (packed, _) = PackedFrame::new(frame, 0.05).unwrap();
+            let packed = PackedFrame::new(&frame.view(), 0.05).unwrap();
             assert!(packed.groups[0].iter().flatten().all(|v| v.is_finite()), "{near} and {far}");
         }
-    }
-
-    #[test]
-    fn exposure_follows_brightness_and_ignores_bad_pixels() {
-        let mut colour = Array3::from_shape_fn((40, 50, 3), |(y, x, _)| 0.1 + ((y * 7 + x * 3) % 13) as f32 * 0.02);
-        let plain = exposure(colour.view());
-        let brighter = exposure((&colour * 1024.0).view());
-        assert!((plain / brighter / 1024.0 - 1.0).abs() < 1e-6);
-        colour[[3, 3, 0]] = f32::INFINITY;
-        assert!((exposure(colour.view()) / plain - 1.0).abs() < 0.01);
-        assert_eq!(exposure(Array3::zeros((4, 4, 3)).view()), 1.0);
     }
 }

@@ -116,6 +116,15 @@ pub struct Resolved {
     pub notes: Vec<String>,
 }
 
+impl Resolved {
+    /// Every channel that is read.
+    pub fn channels(&self) -> impl Iterator<Item = &Channel> {
+        let guides = [&self.albedo, &self.normal, &self.depth, &self.vector].into_iter().flatten();
+        let lights = self.aovs.iter().flat_map(|a| [Some(&a.pass), a.colour.as_ref()]).flatten();
+        [&self.colour].into_iter().chain(guides).chain(lights).flat_map(|p| &p.channels).chain(&self.alpha)
+    }
+}
+
 /// Decides what is read and written.
 ///
 /// # Errors

@@ -104,7 +104,7 @@ impl Found {
             Some(_) if !name.is_empty() => format!(": for the frames that start with it, pass '{text}####.exr'"),
             _ => String::new(),
         };
-        Err(bad(&text, format!("no such file or folder{hint}")))
+        Err(absent(&text, format!("no such file or folder{hint}")))
     }
 
     fn add_pattern(&mut self, input: &Path, pattern: &NumberPattern) -> Result<()> {
@@ -123,7 +123,7 @@ impl Found {
         files.into_iter().for_each(|f| there.add_file(f, false));
         let names = there.names();
         let hint = if names.is_empty() { "the folder holds no EXR files".into() } else { format!("the folder holds {names}") };
-        Err(bad(&input.to_string_lossy(), format!("no file matches; {hint}")))
+        Err(absent(&input.to_string_lossy(), format!("no file matches; {hint}")))
     }
 
     fn add_glob(&mut self, text: &str) -> Result<()> {
@@ -136,7 +136,7 @@ impl Found {
                 any = true;
             }
         }
-        if any { Ok(()) } else { Err(bad(text, "no .exr file matches")) }
+        if any { Ok(()) } else { Err(absent(text, "no .exr file matches")) }
     }
 
     fn add_file(&mut self, path: PathBuf, explicit: bool) {
@@ -180,7 +180,7 @@ impl Found {
         let Some((key, files)) = self.groups.iter().next() else {
             let mut paths: Vec<PathBuf> = self.unnumbered.into_keys().collect();
             return match paths.len() {
-                0 => Err(bad(&input, nothing_in(Path::new(&input)))),
+                0 => Err(absent(&input, nothing_in(Path::new(&input)))),
                 1 => {
                     let path = paths.remove(0);
                     let name = file_name(&path).unwrap_or_default();
@@ -262,6 +262,11 @@ fn file_name(path: &Path) -> Option<String> {
 /// The folder of a path, `.` for a bare name.
 fn parent(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// Nothing is there.
+fn absent(input: &str, reason: impl Into<String>) -> Error {
+    Error::io(input, std::io::Error::new(std::io::ErrorKind::NotFound, reason.into()))
 }
 
 fn bad(input: &str, reason: impl Into<String>) -> Error {

@@ -16,12 +16,28 @@ pub struct Channels {
     pub values: usize,
     /// Whether the first value after the colour is alpha.
     pub alpha: bool,
+    /// Extra channels of the packed frame that are not filtered, before those that are: an alpha of 1.
+    pub skipped: usize,
 }
 
 impl Channels {
     /// For a frame with `extra` channels besides its colour, the first of them alpha or not.
     pub fn new(extra: usize, alpha: bool) -> Self {
-        Self { values: 3 + extra, alpha }
+        Self { values: 3 + extra, alpha, skipped: 0 }
+    }
+
+    /// Without alpha, if there is one.
+    pub fn opaque(self) -> Self {
+        let alpha = usize::from(self.alpha);
+        Self { values: self.values - alpha, alpha: false, skipped: self.skipped + alpha }
+    }
+
+    /// Groups of a packed frame that hold these channels.
+    pub fn groups(&self) -> usize {
+        match self.values {
+            3 => 1,
+            values => 1 + (values - 3 + self.skipped).div_ceil(8),
+        }
     }
 
     /// The channel that is 1 where a pixel may be used.
@@ -65,7 +81,8 @@ impl Channels {
         } else if channel > self.mask() {
             (0, MODULATION + channel - self.modulation())
         } else {
-            (1 + (channel - 3) / 8, (channel - 3) % 8)
+            let extra = channel - 3 + self.skipped;
+            (1 + extra / 8, extra % 8)
         }
     }
 }

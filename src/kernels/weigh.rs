@@ -65,6 +65,13 @@ pub struct Weights {
     scales: Vec<f32>,
 }
 
+impl Weights {
+    /// One over each pixel's sum of weights, [phase][32]; zero where no tap was usable.
+    pub fn scales(&self) -> &[f32] {
+        &self.scales
+    }
+}
+
 /// Softmax over the images' taps, those outside the mask left out, and the weighted sums of `channels`: `out` [channel][phase][32].
 ///
 /// `y`, `x` count the images' pixels (half-resolution pixels where they have four phases); `mask` is the mask's channel.
@@ -128,15 +135,21 @@ fn weigh<L: Lanes>(
     weights: &mut [f32],
     scales: &mut [f32],
 ) {
-    let (low, high) = (l.splat(-LOGIT_LIMIT), l.splat(LOGIT_LIMIT));
+    let (low, high, above) = (l.splat(-LOGIT_LIMIT), l.splat(LOGIT_LIMIT), l.splat(2.0 * LOGIT_LIMIT));
+    // A usable tap counts from above all that are not, so that those never matter, not even for the rounding.
     let mut greatest = [low; 2];
     for image in images {
+        let start = image.start(mask, y, x);
         let logits = &image.logits[phase * image.pitch * SEGMENT..][..image.len() * SEGMENT];
-        for tap in logits.chunks_exact(SEGMENT) {
-            greatest = [l.max(greatest[0], l.load(tap, 0)), l.max(greatest[1], l.load(tap, 16))];
+        for (offset, tap) in image.offsets[phase].iter().zip(logits.chunks_exact(SEGMENT)) {
+            let usable = &image.image.data()[(start + offset) as usize..][..SEGMENT];
+            for (part, greatest) in greatest.iter_mut().enumerate() {
+                let logit = l.min(l.max(l.load(tap, 16 * part), low), high);
+                *greatest = l.max(*greatest, l.fma(l.load(usable, 16 * part), above, logit));
+            }
         }
     }
-    greatest = [l.min(greatest[0], high), l.min(greatest[1], high)];
+    greatest = [l.sub(greatest[0], above), l.sub(greatest[1], above)];
     let mut norm = [l.splat(0.0); 2];
     let mut slots = weights.chunks_exact_mut(SEGMENT);
     for image in images {

@@ -13,7 +13,7 @@ use crate::io::{Guides, Selection, read_frame, read_layout, resolve};
 const NOISY: &str = "Noisy Image";
 
 /// What is read of one file.
-pub(super) struct Passes {
+pub(crate) struct Passes {
     /// Combined, (rows, columns, 3), as it is: denoised where the file is.
     pub colour: Array3<f32>,
     /// The Vector pass, (rows, columns, 4), if asked for and there.
@@ -35,7 +35,7 @@ impl Images {
 }
 
 /// Reads a file's beauty and, if asked, its Vector pass.
-pub(super) fn read(path: &Path, vector: bool, options: &EvaluateOptions) -> Result<Passes> {
+pub(crate) fn read(path: &Path, vector: bool, options: &EvaluateOptions) -> Result<Passes> {
     let layout = read_layout(path)?;
     // A file without the layer for vectors is one without vectors.
     let has_layer = |name: &String| layout.layer(name).is_some_and(|l| l.passes.iter().any(|p| p.name == "Vector"));

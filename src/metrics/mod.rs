@@ -8,7 +8,7 @@
 pub mod evaluate;
 pub mod flicker;
 pub mod flip;
-mod images;
+pub(crate) mod images;
 pub mod pair;
 mod pairing;
 pub mod psnr;

@@ -12,9 +12,11 @@ use crate::simd::{Activation, Conv, Epilogue, Isa};
 
 /// Channels at full resolution: log colour 3, albedo 3, normal 3, log depth 1.
 const INPUTS: usize = 10;
+/// The brightest that the network sees, after exposure (`BRIGHTEST` in `training/data.py`).
+const BRIGHTEST: f32 = 1e6;
 
 /// Half-resolution rows around a strip that its features depend on: four 3×3 convolutions.
-const HALO: usize = 4;
+pub(crate) const HALO: usize = 4;
 /// Half-resolution pixels that are encoded at once: a 1080p frame.
 const WHOLE_AREA: usize = 600_000;
 /// Half-resolution pixels of a strip of a larger frame.
@@ -67,7 +69,7 @@ fn inputs(isa: Isa, frame: &PackedFrame, guides: &Guides, rows: std::ops::Range<
             let pixels = &frame.groups[0][y * columns..][..columns];
             for (x, lanes) in pixels.iter().enumerate() {
                 for c in 0..3 {
-                    logs[c * columns + x] = lanes[COLOUR + c] * frame.exposure;
+                    logs[c * columns + x] = (lanes[COLOUR + c] * frame.exposure).min(BRIGHTEST);
                 }
                 logs[3 * columns + x] = lanes[DEPTH];
             }

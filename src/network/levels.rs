@@ -19,11 +19,11 @@ pub struct Level {
     pub neighbours: Vec<Planes>,
 }
 
-/// The three levels' images.
+/// The levels' images; a level that is not used is not there.
 pub struct Pyramid {
     pub full: Level,
-    pub half: Level,
-    pub quarter: Level,
+    pub half: Option<Level>,
+    pub quarter: Option<Level>,
 }
 
 /// Columns and rows that a level's planes need around them for kernels of `taps` taps.
@@ -64,13 +64,15 @@ struct Reach {
 }
 
 impl Levels<'_> {
-    /// The denoised quarter and half resolution of the region, demodulated, and the tile's core at full resolution.
-    pub fn run(&self) -> (Planes, Planes, Array3<f32>) {
-        let quarter = self.coarse_level(&self.predictor.quarter, self.quarter, &self.pyramid.quarter, None);
-        let quarter_up = pyramid::up(&quarter, self.margins.coarse);
-        let half = self.coarse_level(&self.predictor.half, self.half, &self.pyramid.half, Some(&quarter_up));
-        let full = self.full_level(&half);
-        (quarter, half, full)
+    /// The denoised quarter and half resolution of the region, demodulated, as far as those levels are used.
+    pub fn coarse(&self) -> (Option<Planes>, Option<Planes>) {
+        let level = |head: &Head, features: &Activation, images: &Option<Level>, coarser: Option<&Planes>| {
+            images.as_ref().map(|images| self.coarse_level(head, features, images, coarser))
+        };
+        let quarter = level(&self.predictor.quarter, self.quarter, &self.pyramid.quarter, None);
+        let quarter_up = quarter.as_ref().map(|q| pyramid::up(q, self.margins.coarse));
+        let half = level(&self.predictor.half, self.half, &self.pyramid.half, quarter_up.as_ref());
+        (quarter, half)
     }
 
     /// Distances for kernels of `centre` and `neighbour` taps, and to the coarser image, whose pixels are `step` apart.
@@ -83,32 +85,31 @@ impl Levels<'_> {
         }
     }
 
-    /// Quarter and half resolution: values and mask over the whole region, zero outside it.
+    /// Quarter and half resolution: values and mask over the whole region, zero outside it. What holds no usable pixel itself is
+    /// usable where any of its taps was: that fills holes from afar.
     fn coarse_level(&self, head: &Head, features: &Activation, level: &Level, coarser: Option<&Planes>) -> Planes {
         let reach = self.reach(level, 1, self.widths[0], self.widths[1], coarser.map(|c| (c, 2)));
         let mut out = Planes::new(self.channels.coarse(), level.centre.rows(), level.centre.columns(), self.margins.coarse);
-        let mask = self.channels.mask();
         out.rows_mut().enumerate().for_each(|(y, mut row)| {
-            let values = self.channels.values;
-            let mut line = vec![0.0; values * features.columns().next_multiple_of(SEGMENT)];
+            let mut line = vec![0.0; self.channels.coarse() * features.columns().next_multiple_of(SEGMENT)];
             coarse_row(self.isa, self, head, features, level, coarser, &reach, y, &mut line);
-            let stride = line.len() / values;
+            let stride = line.len() / self.channels.coarse();
             for (channel, from) in line.chunks_exact(stride).enumerate() {
                 let to = row.plane(channel);
                 let columns = to.len();
                 to.copy_from_slice(&from[..columns]);
             }
-            row.plane(mask).copy_from_slice(level.centre.row(mask, y));
         });
         out
     }
 
-    fn full_level(&self, half: &Planes) -> Array3<f32> {
+    /// The tile's core at full resolution, taking in the half resolution where there is one.
+    pub fn full(&self, half: Option<&Planes>) -> Array3<f32> {
         let Tile { core, region } = self.tile;
         let values = self.channels.values;
         let level = &self.pyramid.full;
         let [centre, neighbour, _, albedo] = self.widths;
-        let reach = self.reach(level, FULL_PHASES, centre, neighbour, Some((half, 1)));
+        let reach = self.reach(level, FULL_PHASES, centre, neighbour, half.map(|h| (h, 1)));
         let albedo = self.reach(level, FULL_PHASES, albedo, 1, None);
         let mut out = Array3::zeros((2 * core.rows, 2 * core.columns, values));
         let width = 2 * core.columns * values;
@@ -135,7 +136,7 @@ fn coarse_row_body<L: Lanes>(
     line: &mut [f32],
 ) {
     let values = levels.channels.values;
-    let stride = line.len() / values;
+    let stride = line.len() / levels.channels.coarse();
     let mut logits = head.buffers(levels.neighbours.len());
     let mut weights = Weights::default();
     let mut values_of = vec![0.0; values * SEGMENT];
@@ -154,6 +155,8 @@ fn coarse_row_body<L: Lanes>(
         for (channel, from) in values_of.chunks_exact(SEGMENT).enumerate() {
             line[channel * stride + x..][..SEGMENT].copy_from_slice(from);
         }
+        let mask = &mut line[levels.channels.mask() * stride + x..][..SEGMENT];
+        mask.iter_mut().zip(weights.scales()).for_each(|(to, scale)| *to = f32::from(*scale > 0.0));
     }
 }
 
@@ -172,7 +175,15 @@ dispatch! {
 
 /// Two full-resolution rows of the core, (2, columns, values); `y` counts half-resolution rows of the region.
 #[inline(always)]
-fn full_row_body<L: Lanes>(l: L, levels: &Levels, half: &Planes, reach: &Reach, albedo: &Reach, y: usize, out: &mut [f32]) {
+fn full_row_body<L: Lanes>(
+    l: L,
+    levels: &Levels,
+    half: Option<&Planes>,
+    reach: &Reach,
+    albedo: &Reach,
+    y: usize,
+    out: &mut [f32],
+) {
     let Tile { core, region } = levels.tile;
     let (level, channels, counts) = (&levels.pyramid.full, levels.channels, levels.predictor.taps);
     let values = channels.values;
@@ -194,7 +205,9 @@ fn full_row_body<L: Lanes>(l: L, levels: &Levels, half: &Planes, reach: &Reach, 
             let logits = &logits[counts.neighbour * SEGMENT..];
             albedo_taps.push(Taps { image, phases, offsets: &albedo.neighbours[n], logits, pitch: pair_pitch });
         }
-        taps.push(Taps { image: half, phases: 1, offsets: &reach.coarse, logits: coarse, pitch });
+        if let Some(image) = half {
+            taps.push(Taps { image, phases: 1, offsets: &reach.coarse, logits: coarse, pitch });
+        }
         let albedo_channels = channels.modulation()..channels.modulation() + 3;
         apply(l, &albedo_taps, channels.mask(), albedo_channels, y, x, &mut weights, &mut modulation);
         own_where_zero(&mut modulation, image, channels.modulation(), y, x);
@@ -234,19 +247,19 @@ fn interleave(line: &[f32], values: usize, x: usize, columns: usize, out: &mut [
 }
 
 dispatch! {
-    fn full_row(levels: &Levels, half: &Planes, reach: &Reach, albedo: &Reach, y: usize, out: &mut [f32]) = full_row_body
+    fn full_row(levels: &Levels, half: Option<&Planes>, reach: &Reach, albedo: &Reach, y: usize, out: &mut [f32]) = full_row_body
 }
 
-/// The images of all levels of a region.
-pub fn pyramid_of(centre: Planes, neighbours: Vec<Planes>, channels: &Channels, margins: Margins) -> Pyramid {
-    let half = Level {
+/// The images of a region at the `levels` finest levels.
+pub fn pyramid_of(centre: Planes, neighbours: Vec<Planes>, channels: &Channels, margins: Margins, levels: usize) -> Pyramid {
+    let half = (levels > 1).then(|| Level {
         centre: pyramid::down_from_full(&centre, channels, margins.coarse),
         neighbours: neighbours.iter().map(|n| pyramid::down_from_full(n, channels, margins.coarse)).collect(),
-    };
-    let quarter = Level {
+    });
+    let quarter = half.as_ref().filter(|_| levels > 2).map(|half| Level {
         centre: pyramid::down(&half.centre, channels, margins.coarse),
         neighbours: half.neighbours.iter().map(|n| pyramid::down(n, channels, margins.coarse)).collect(),
-    };
+    });
     Pyramid { full: Level { centre, neighbours }, half, quarter }
 }
 

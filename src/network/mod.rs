@@ -4,6 +4,7 @@ pub mod body;
 pub mod encoder;
 pub mod features;
 pub mod levels;
+pub(crate) mod logits;
 pub mod pairs;
 pub mod predictor;
 pub mod residual;

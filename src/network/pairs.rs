@@ -60,9 +60,26 @@ fn store_columns<L: Lanes>(l: L, pixels: [L::V; 16], first: usize, part: usize, 
 /// [features + EXTRAS][32] of the neighbour at the region's half-resolution row `y`, columns `x`….
 #[inline(always)]
 pub fn gather<L: Lanes>(l: L, neighbour: Neighbour, region: Rect, y: usize, x: usize, out: &mut [f32]) {
+    if neighbour.warped.still {
+        features_of(l, neighbour.features, region, y, x, out);
+        return extras_of(neighbour, region, y, x, out);
+    }
     match neighbour.features.stored() {
         Stored::Full(values) => gather_from(l, values, neighbour, region, y, x, out),
         Stored::Compact(values) => gather_from(l, values, neighbour, region, y, x, out),
+    }
+}
+
+/// The extras of a segment, after the features.
+#[inline(always)]
+fn extras_of(neighbour: Neighbour, region: Rect, y: usize, x: usize, out: &mut [f32]) {
+    let first = neighbour.features.shape().2 * SEGMENT;
+    for p in 0..SEGMENT {
+        let pixel = y * region.columns + (x + p).min(region.columns - 1);
+        let extras = &neighbour.warped.extras.as_slice()[pixel * EXTRAS..][..EXTRAS];
+        for e in 0..EXTRAS {
+            out[first + e * SEGMENT + p] = extras[e];
+        }
     }
 }
 
@@ -85,10 +102,6 @@ fn gather_from<L: Lanes, S: Channels16>(
             let pixel = y * region.columns + (x + part + p).min(region.columns - 1);
             let corners = neighbour.warped.corners[pixel];
             (index[p], weight[p]) = (corners.index * channels, Corners::weights(corners.fraction));
-            let extras = &neighbour.warped.extras.as_slice()[pixel * EXTRAS..][..EXTRAS];
-            for e in 0..EXTRAS {
-                out[(channels + e) * SEGMENT + part + p] = extras[e];
-            }
         }
         for first in (0..channels).step_by(16) {
             for p in 0..16 {
@@ -101,6 +114,7 @@ fn gather_from<L: Lanes, S: Channels16>(
             store_columns(l, block, first, part, out);
         }
     }
+    extras_of(neighbour, region, y, x, out);
 }
 
 /// [features + EXTRAS][32] at quarter resolution: 2×2 means of [`gather`]. `scratch` takes four times the size of `out`.

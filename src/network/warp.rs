@@ -21,6 +21,10 @@ pub struct Warped {
     pub corners: Vec<Corners>,
     /// EXTRAS channels at half resolution.
     pub extras: Activation,
+    /// Whether nothing moves, so that pixels are copied instead of sampled.
+    pub still: bool,
+    /// Whether any pixel may be used.
+    pub trusted: bool,
 }
 
 /// Where a pixel of the centre frame lies in a neighbour.
@@ -32,12 +36,22 @@ struct Place {
     miss: f32,
 }
 
+impl Place {
+    /// Where nothing moves.
+    #[inline(always)]
+    fn of(y: usize, x: usize) -> Self {
+        Self { column: x as f32, row: y as f32, trusted: true, miss: 0.0 }
+    }
+}
+
 /// Frames from the centre to the neighbour, one step of motion each; `sign` is the direction in time.
 struct Path<'a> {
     frames: &'a [&'a PackedFrame],
     sign: f32,
     rows: usize,
     columns: usize,
+    still: bool,
+    groups: usize,
 }
 
 impl Path<'_> {
@@ -107,20 +121,20 @@ impl Corners {
     }
 }
 
-/// Warps the last frame of `frames` (centre first, one a step) to the centre frame over `region`. `offset` is the neighbour's.
+/// Warps the last frame of `frames` (centre first, one a step) to the centre frame over `region`. `offset` is the neighbour's;
+/// `still` says that all their vectors are zero.
 ///
 /// The planes are at full resolution, four phases a channel: values, trust, modulation (see [`Channels`]).
 pub fn warp(
     isa: Isa,
     frames: &[&PackedFrame],
-    offset: i32,
+    (offset, still): (i32, bool),
     region: Rect,
     channels: &Channels,
     margin: usize,
 ) -> (Planes, Warped) {
-    let centre = frames[0];
-    let path =
-        Path { frames, sign: if offset > 0 { 1.0 } else { -1.0 }, rows: centre.padded_rows, columns: centre.padded_columns };
+    let (rows, columns, groups) = (frames[0].padded_rows, frames[0].padded_columns, channels.groups());
+    let path = Path { frames, sign: if offset > 0 { 1.0 } else { -1.0 }, rows, columns, still, groups };
     let mut planes = Planes::new(channels.full() * FULL_PHASES, region.rows, region.columns, margin);
     let mut corners = vec![Corners { index: 0, fraction: [0.0; 2] }; region.area()];
     let mut extras = Activation::empty();
@@ -129,7 +143,7 @@ pub fn warp(
     let rows_of_corners = corners.par_chunks_mut(region.columns);
     let maps = extras.as_mut_slice().par_chunks_mut(region.columns * EXTRAS);
     planes.rows_mut().zip(rows_of_corners).zip(maps).enumerate().for_each(|(y, ((mut row, corners), extras))| {
-        let mut pixels = vec![[0.0; 8]; 2 * region.columns * frames[0].groups.len()];
+        let mut pixels = vec![[0.0; 8]; 2 * region.columns * groups];
         let mut maps = vec![[0.0; EXTRAS]; 2 * region.columns];
         extras.fill(0.0);
         for dy in 0..2 {
@@ -154,7 +168,24 @@ pub fn warp(
         }
         extras.chunks_exact_mut(EXTRAS).for_each(|e| e[EXTRAS - 1] = distance);
     });
-    (planes, Warped { corners, extras })
+    let trusted = extras.as_slice().par_chunks(EXTRAS).any(|e| e[0] > 0.0);
+    (planes, Warped { corners, extras, still, trusted })
+}
+
+/// Whether any pixel of the centre frame may use the last of `frames`; arguments as for [`warp`].
+pub fn any_trusted(frames: &[&PackedFrame], (offset, still): (i32, bool)) -> bool {
+    let (rows, columns) = (frames[0].padded_rows, frames[0].padded_columns);
+    let path = Path { frames, sign: if offset > 0 { 1.0 } else { -1.0 }, rows, columns, still, groups: 1 };
+    let pixels = &frames[frames.len() - 1].groups[0];
+    let is_trusted = |y: usize, x: usize| {
+        if still {
+            return pixels[y * columns + x][INVALID] == 0.0;
+        }
+        let (place, mut sampled) = (path.place(y, x), [0.0; 8]);
+        Corners::new(place.column, place.row, rows, columns).sample(pixels, columns, &mut sampled);
+        place.trusted && sampled[INVALID] == 0.0
+    };
+    (0..rows).into_par_iter().any(|y| (0..columns).any(|x| is_trusted(y, x)))
 }
 
 /// One full-resolution row: warped pixels of every group, the maps, and (from even rows) where the features are sampled.
@@ -174,10 +205,14 @@ fn warp_row_body<L: Lanes>(
     let mut depths = vec![0.0; 2 * width];
     for (i, map) in maps.iter_mut().enumerate() {
         let x = 2 * region.column + i;
-        let place = path.place(y, x);
+        let place = if path.still { Place::of(y, x) } else { path.place(y, x) };
         let corners = Corners::new(place.column, place.row, path.rows, path.columns);
         let sampled = &mut pixels[i];
-        corners.sample(&neighbour.groups[0], path.columns, sampled);
+        if path.still {
+            *sampled = neighbour.groups[0][y * path.columns + x];
+        } else {
+            corners.sample(&neighbour.groups[0], path.columns, sampled);
+        }
         let trust = if place.trusted && sampled[INVALID] == 0.0 { 1.0 } else { 0.0 };
         sampled.iter_mut().for_each(|v| *v *= trust);
         depths[i] = sampled[DEPTH];
@@ -186,9 +221,13 @@ fn warp_row_body<L: Lanes>(
         for c in 0..3 {
             map[1 + c] = (sampled[MODULATION + c] - here[i][MODULATION + c]).abs() * trust;
         }
-        for (group, image) in neighbour.groups.iter().enumerate().skip(1) {
+        for (group, image) in neighbour.groups.iter().enumerate().take(path.groups).skip(1) {
             let more = &mut pixels[group * width + i];
-            corners.sample(image, path.columns, more);
+            if path.still {
+                *more = image[y * path.columns + x];
+            } else {
+                corners.sample(image, path.columns, more);
+            }
             more.iter_mut().for_each(|v| *v *= trust);
         }
         if y.is_multiple_of(2) && i.is_multiple_of(2) {

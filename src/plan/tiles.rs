@@ -18,7 +18,8 @@ impl Rect {
         self.rows * self.columns
     }
 
-    fn grown(&self, by: usize, rows: usize, columns: usize) -> Self {
+    /// With `by` pixels more on each side, as far as there are any.
+    pub fn grown(&self, by: usize, rows: usize, columns: usize) -> Self {
         let (row, column) = (self.row.saturating_sub(by), self.column.saturating_sub(by));
         let end = ((self.row + self.rows + by).min(rows), (self.column + self.columns + by).min(columns));
         Self { row, column, rows: end.0 - row, columns: end.1 - column }
@@ -32,18 +33,18 @@ pub struct Tile {
     pub region: Rect,
 }
 
-/// Cuts `rows` × `columns` (multiples of [`STEP`]) into the fewest equal tiles whose regions, with a halo of at least `halo`,
-/// have at most `area` pixels; where that cannot be, the smallest tiles that still make sense.
-pub fn tiles(rows: usize, columns: usize, halo: usize, area: usize) -> Vec<Tile> {
+/// Cuts a part of a frame of `rows` × `columns` (all multiples of [`STEP`]) into the fewest equal tiles whose regions, with a halo
+/// of at least `halo`, have at most `area` pixels; where that cannot be, the smallest tiles that still make sense.
+pub fn tiles(part: Rect, rows: usize, columns: usize, halo: usize, area: usize) -> Vec<Tile> {
     let halo = halo.next_multiple_of(STEP);
     let smallest = (2 * halo).max(STEP);
     let (mut down, mut across) = (1, 1);
     loop {
-        let (r, c) = (step(rows, down), step(columns, across));
+        let (r, c) = (step(part.rows, down), step(part.columns, across));
         let region = (r + 2 * halo).min(rows) * (c + 2 * halo).min(columns);
         let can_split = r > smallest || c > smallest;
         if region <= area || !can_split {
-            return cut(rows, columns, r, c, halo);
+            return cut(part, (rows, columns), r, c, halo);
         }
         if r >= c { down += 1 } else { across += 1 }
     }
@@ -53,12 +54,13 @@ fn step(length: usize, parts: usize) -> usize {
     length.div_ceil(parts).next_multiple_of(STEP)
 }
 
-fn cut(rows: usize, columns: usize, r: usize, c: usize, halo: usize) -> Vec<Tile> {
+fn cut(part: Rect, frame: (usize, usize), r: usize, c: usize, halo: usize) -> Vec<Tile> {
+    let (end_row, end_column) = (part.row + part.rows, part.column + part.columns);
     let mut out = Vec::new();
-    for row in (0..rows).step_by(r) {
-        for column in (0..columns).step_by(c) {
-            let core = Rect { row, column, rows: r.min(rows - row), columns: c.min(columns - column) };
-            out.push(Tile { core, region: core.grown(halo, rows, columns) });
+    for row in (part.row..end_row).step_by(r) {
+        for column in (part.column..end_column).step_by(c) {
+            let core = Rect { row, column, rows: r.min(end_row - row), columns: c.min(end_column - column) };
+            out.push(Tile { core, region: core.grown(halo, frame.0, frame.1) });
         }
     }
     out
@@ -73,7 +75,7 @@ mod tests {
         for (rows, columns, area) in
             [(540, 960, usize::MAX), (1080, 1920, 600_000), (4, 8192, 9000), (4, 4, 1), (136, 240, 40_000)]
         {
-            let all = tiles(rows, columns, 48, area);
+            let all = tiles(Rect { row: 0, column: 0, rows, columns }, rows, columns, 48, area);
             assert_eq!(all.iter().map(|t| t.core.area()).sum::<usize>(), rows * columns);
             for t in &all {
                 assert!(t.region.row <= t.core.row && t.region.column <= t.core.column);
@@ -82,6 +84,9 @@ mod tests {
                 assert!(t.region.area() <= area.max((3 * 96 + STEP) * (3 * 96 + STEP)), "{t:?}");
             }
         }
-        assert_eq!(tiles(540, 960, 48, usize::MAX).len(), 1);
+        let part = Rect { row: 40, column: 800, rows: 100, columns: 160 };
+        let all = tiles(part, 540, 960, 48, usize::MAX);
+        assert_eq!(all, [Tile { core: part, region: Rect { row: 0, column: 752, rows: 188, columns: 208 } }]);
+        assert!(tiles(part, 540, 960, 48, 1000).iter().map(|t| t.core.area()).sum::<usize>() == part.area());
     }
 }

@@ -10,7 +10,8 @@ use crate::io::{Guides, PassNames, Selection};
 use crate::network::weights::EMBEDDED;
 use crate::plan::frames::FrameSet;
 use crate::plan::lambda::Lambda;
-use crate::plan::window::check_window;
+use crate::plan::skip::{RULES, Rule, Skip};
+use crate::plan::window::{DEFAULT_WINDOW, check_window};
 
 /// A shot to denoise.
 #[derive(Clone, Debug)]
@@ -35,6 +36,8 @@ pub struct Job {
     pub overwrite: bool,
     /// Stop at the first bad or missing frame instead of going on without it.
     pub strict: bool,
+    /// What the engine may leave out, for the manifest: the engine has its own.
+    pub skip: Skip,
     /// What the engine's weights are, for the manifest.
     pub model: ModelId,
     /// What is odd about the settings themselves; told once.
@@ -66,9 +69,26 @@ impl Job {
             keep_noisy: false,
             overwrite: false,
             strict: false,
+            skip: Skip::default(),
             model: ModelId::embedded(),
             notes: Vec::new(),
         }
+    }
+
+    /// Frames on each side that may help, before it is known whether there are motion vectors.
+    ///
+    /// # Errors
+    /// A window that is too wide, or that needs the vectors that are switched off.
+    pub(crate) fn reach(&self) -> Result<usize> {
+        let reach = self.window.map(check_window).transpose()?.unwrap_or(DEFAULT_WINDOW);
+        if self.selection.guides.vector {
+            return Ok(reach);
+        }
+        if self.window.is_some_and(|w| w > 0) {
+            let reason = "needs motion vectors, which are switched off: pass --window 0 or leave the Vector pass on";
+            return Err(Error::BadSetting { name: "window", reason: reason.into() });
+        }
+        Ok(0)
     }
 
     /// The settings that decide what a frame looks like, once the window is known; λ is that of `frame`.
@@ -87,6 +107,7 @@ impl Job {
             passes: s.passes.clone(),
             aovs: s.aovs.clone(),
             keep_noisy: self.keep_noisy,
+            skip: self.skip,
             model: self.model.clone(),
         })
     }
@@ -138,6 +159,9 @@ pub struct FrameSettings {
     pub aovs: Vec<String>,
     /// The input was kept as `Noisy Image`.
     pub keep_noisy: bool,
+    /// What was left out where it was found.
+    #[serde(default)]
+    pub skip: Skip,
     /// The weights.
     pub model: ModelId,
 }
@@ -181,6 +205,10 @@ impl FrameSettings {
             let named = named.iter().filter_map(|(pass, name)| Some(format!("{pass} {}", name.as_ref()?)));
             Some(named.collect::<Vec<_>>().join("+")).filter(|all| !all.is_empty()).unwrap_or_else(|| "default".into())
         };
+        let rules = |skip: Skip| match RULES.into_iter().filter(|r| skip.has(*r)).map(Rule::name).collect::<Vec<_>>() {
+            none if none.is_empty() => "nothing".to_string(),
+            some => some.join("+"),
+        };
         let pairs = [
             ("lambda", old.lambda.to_string(), self.lambda.to_string()),
             ("window", old.window.to_string(), self.window.to_string()),
@@ -191,6 +219,7 @@ impl FrameSettings {
             ("pass names", passes(&old.passes), passes(&self.passes)),
             ("AOVs", old.aovs.join("+"), self.aovs.join("+")),
             ("keep noisy", old.keep_noisy.to_string(), self.keep_noisy.to_string()),
+            ("left out", rules(old.skip), rules(self.skip)),
             ("model", model(&old.model), model(&self.model)),
         ];
         let changed = pairs.iter().filter(|(_, a, b)| a != b).map(|(name, a, b)| format!("{name} {a} → {b}"));
@@ -225,6 +254,8 @@ mod tests {
         let a = job().settings(2, 1).unwrap();
         let b = Job { lambda: "1:4,5:8".parse().unwrap(), ..job() }.settings(0, 1).unwrap();
         assert_eq!(b.changes_since(&a), "lambda 1 → 4, window 2 → 0");
+        let c = Job { skip: Skip::NONE, ..job() }.settings(2, 1).unwrap();
+        assert_eq!(c.changes_since(&a), "left out constant+opaque+untrusted+still → nothing");
         assert!(a.key() != b.key() && a.key() == job().settings(2, 9).unwrap().key());
         let json = serde_json::to_string(&b).unwrap();
         assert_eq!(serde_json::from_str::<FrameSettings>(&json).unwrap(), b);

@@ -60,10 +60,12 @@ impl Ledger {
         self.manifest.frames.extend(ours.frames.clone());
         self.manifest.forget_unused_settings();
         let path = self.path();
-        let mut text = serde_json::to_vec_pretty(&self.manifest).map_err(|e| Error::bad_file(&path, e.to_string()))?;
-        text.push(b'\n');
         self.mark = None;
-        write_atomically(&path, |w| w.write_all(&text).map_err(|e| Error::io(&path, e)))?;
+        let manifest = &self.manifest;
+        write_atomically(&path, |to| {
+            serde_json::to_writer_pretty(&mut *to, manifest).map_err(|e| Error::io(&path, e.into()))?;
+            to.write_all(b"\n").map_err(|e| Error::io(&path, e))
+        })?;
         self.mark = Mark::of(&path);
         drop(lock);
         Ok(())
@@ -111,6 +113,7 @@ mod tests {
             hush: "0".into(),
             neighbours: Vec::new(),
             warnings: Vec::new(),
+            left_out: Vec::new(),
             seconds: 0.0,
         };
         manifest.frames.insert(format!("f_{frame}.exr"), entry);

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::events::Status;
 use super::job::FrameSettings;
 use crate::error::{Error, Result};
+use crate::plan::skip::LeftOut;
 use crate::plan::window::Unused;
 
 /// The manifest's file name in the output folder.
@@ -50,6 +51,9 @@ pub struct Entry {
     /// What was odd about this frame.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
+    /// What was not computed, for each view.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub left_out: Vec<LeftOut>,
     /// Time spent computing it.
     pub seconds: f64,
 }

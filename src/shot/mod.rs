@@ -19,7 +19,9 @@ mod manifest;
 mod output;
 mod prepare;
 mod run;
+mod scope;
 mod source;
+mod survey;
 mod threads;
 
 pub use cancel::CancelToken;
@@ -31,4 +33,6 @@ pub(crate) use output::real_folder;
 pub use output::remove_unfinished;
 pub use prepare::{Action, Plan, PlannedFrame};
 pub use run::{Runner, run};
+pub use scope::Scope;
 pub(crate) use source::has_vector;
+pub use survey::{RuleSummary, Survey, SurveyedFrame, Timing, Unread, survey};

@@ -16,7 +16,7 @@ use crate::io::is_complete;
 use crate::io::sequence::spans;
 use crate::plan::checks::{self, Header, Warning, WarningKind};
 use crate::plan::frames::{FrameSet, show_ranges};
-use crate::plan::window::{DEFAULT_WINDOW, Known, Neighbour, Unused, check_window, neighbours};
+use crate::plan::window::{Known, Neighbour, Unused, neighbours};
 
 /// What is to be done with a frame.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -104,14 +104,7 @@ impl Plan {
     /// As [`Plan::new`], with a manifest that may have been read before.
     pub(super) fn with(job: &Job, ledger: &mut Ledger) -> Result<Self> {
         check_output(job)?;
-        let mut reach = job.window.map(check_window).transpose()?.unwrap_or(DEFAULT_WINDOW);
-        if !job.selection.guides.vector {
-            if job.window.is_some_and(|w| w > 0) {
-                let reason = "needs motion vectors, which are switched off: pass --window 0 or leave the Vector pass on";
-                return Err(Error::BadSetting { name: "window", reason: reason.into() });
-            }
-            reach = 0;
-        }
+        let reach = job.reach()?;
         let numbers = job.sequence.numbers();
         let wanted = |n: i64| job.frames.as_ref().is_none_or(|set| set.contains(n));
         let targets: Vec<i64> = numbers.iter().copied().filter(|n| wanted(*n)).collect();
@@ -160,6 +153,7 @@ impl Plan {
             hush: env!("CARGO_PKG_VERSION").into(),
             neighbours: self.neighbour_entries(&frame.neighbours),
             warnings: Vec::new(),
+            left_out: Vec::new(),
             seconds: 0.0,
         }
     }
@@ -271,7 +265,7 @@ fn plan_frames(
              --overwrite to replace them",
             foreign.len()
         );
-        return Err(Error::BadInput { input: first.display().to_string(), reason });
+        return Err(Error::io(first, std::io::Error::new(std::io::ErrorKind::AlreadyExists, reason)));
     }
     Ok(frames)
 }

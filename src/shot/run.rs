@@ -17,6 +17,7 @@ use super::prepare::{Action, Plan, PlannedFrame, is_degraded, missing_text};
 use super::threads::{Decoded, Work, Written, decode, ends_the_run, write};
 use crate::engine::{Denoised, EncodedFrame, Engine};
 use crate::error::{Error, Result};
+use crate::plan::skip::LeftOut;
 use crate::plan::window::{Known, Neighbour, neighbours};
 
 /// Frames of more bytes than this are decoded one ahead instead of two.
@@ -145,8 +146,8 @@ impl<'a> Run<'a> {
             let (decoded_in, decoded) = sync_channel(ahead);
             let (work, work_out) = sync_channel(0);
             let (written_in, written) = channel();
-            scope.spawn(move || decode(&order, plan, decoded_in));
-            scope.spawn(move || write(plan, keep_noisy, &work_out, &written_in));
+            scope.spawn(move || decode(&order, plan, engine, decoded_in));
+            scope.spawn(move || write(plan, keep_noisy, engine, &work_out, &written_in));
             self.compute(engine, cancel, left, &decoded, &work, &written);
             // Both threads end when their channels do; what the writer holds is written whole.
             drop((decoded, work));
@@ -199,7 +200,11 @@ impl<'a> Run<'a> {
             self.note_window(target, &window);
             match result {
                 // A writer that is gone has said why in `written`.
-                Ok(denoised) => _ = work.send(Work { index, denoised, seconds }),
+                Ok(views) => {
+                    let (denoised, left_out) = views.into_iter().unzip();
+                    self.note_left_out(target, left_out);
+                    _ = work.send(Work { index, denoised, seconds });
+                }
                 Err(error) => self.fail(index, error, seconds),
             }
         }
@@ -249,6 +254,13 @@ impl<'a> Run<'a> {
         if let Some(entry) = self.manifest.frames.get_mut(&file_name(&target.output)) {
             entry.neighbours = neighbours;
             entry.warnings.extend(notes);
+        }
+    }
+
+    /// Puts what was left out of a frame into the manifest.
+    fn note_left_out(&mut self, target: &PlannedFrame, left_out: Vec<LeftOut>) {
+        if let Some(entry) = self.manifest.frames.get_mut(&file_name(&target.output)) {
+            entry.left_out = left_out;
         }
     }
 
@@ -322,11 +334,11 @@ impl<'a> Run<'a> {
 }
 
 /// Denoises each view with the same views of the frames around it.
-fn denoise_views(engine: &Engine, centre: &Slot, around: &[(i32, &Slot)], lambda: f32) -> Result<Vec<Denoised>> {
+fn denoise_views(engine: &Engine, centre: &Slot, around: &[(i32, &Slot)], lambda: f32) -> Result<Vec<(Denoised, LeftOut)>> {
     let view = |(index, centre): (usize, &EncodedFrame)| {
         let neighbours: Vec<(i32, &EncodedFrame)> =
             around.iter().filter_map(|(offset, slot)| Some((*offset, slot.encoded.get(index)?))).collect();
-        engine.denoise(centre, &neighbours, lambda)
+        engine.denoise_and_tell(centre, &neighbours, lambda)
     };
     centre.encoded.iter().enumerate().map(view).collect()
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::mpsc::{Receiver, Sender, SyncSender};
 
 use super::prepare::{Plan, PlannedFrame};
-use crate::engine::Denoised;
+use crate::engine::{Denoised, Engine};
 use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::io::{Resolved, WriteOptions, write_views};
@@ -32,10 +32,10 @@ pub(super) struct Written {
 }
 
 /// The decoder thread; ends when nobody takes its frames any more.
-pub(super) fn decode(order: &[i64], plan: &Plan, to: SyncSender<Decoded>) {
+pub(super) fn decode(order: &[i64], plan: &Plan, engine: &Engine, to: SyncSender<Decoded>) {
     for &number in order {
         let Some(source) = plan.sources.good.get(&number) else { return };
-        let frame = source.read().and_then(|views| {
+        let frame = engine.in_pool(|| source.read()).and_then(|views| {
             let first = views.first().ok_or_else(|| Error::bad_file(&source.path, "holds no image"))?;
             let glance = Glance::of(first);
             Ok((views, glance))
@@ -47,13 +47,13 @@ pub(super) fn decode(order: &[i64], plan: &Plan, to: SyncSender<Decoded>) {
 }
 
 /// The writer thread; ends with its input. After a full disk it takes frames no more.
-pub(super) fn write(plan: &Plan, keep_noisy: bool, from: &Receiver<Work>, to: &Sender<Written>) {
+pub(super) fn write(plan: &Plan, keep_noisy: bool, engine: &Engine, from: &Receiver<Work>, to: &Sender<Written>) {
     for Work { index, denoised, seconds } in from {
         let Some(frame) = plan.frames.get(index) else { return };
         let Some(source) = plan.sources.good.get(&frame.frame) else { return };
         let views: Vec<(&Resolved, &Denoised)> = source.views.iter().zip(&denoised).collect();
         let options = WriteOptions { keep_noisy, attributes: vec![("hush".into(), made_by(plan, frame))] };
-        let result = write_views(&source.layout, &views, &options, &frame.output);
+        let result = engine.in_pool(|| write_views(&source.layout, &views, &options, &frame.output));
         let over = result.as_ref().err().is_some_and(|e| frame.output.parent().is_some_and(|folder| ends_the_run(e, folder)));
         if to.send(Written { index, result, seconds }).is_err() || over {
             return;

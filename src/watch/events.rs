@@ -44,7 +44,7 @@ pub enum Event<'a> {
         /// What is missing.
         reason: String,
     },
-    /// There is nothing to do now; told when the numbers change.
+    /// There is nothing to do now; told when the numbers change, and after each landing and each run.
     Waiting(&'a Waiting),
     /// Nothing can be written now; it is tried again.
     Paused {

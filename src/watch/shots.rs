@@ -44,7 +44,7 @@ impl Shot {
     /// # Errors
     /// Its settings cannot be had.
     pub fn new(tree: &Tree, place: &Place, options: &Options, job: &dyn Fn(Sequence) -> Result<Job>) -> Result<Self> {
-        let key = place.key.clone();
+        let key = ShotKey::clone(&place.key);
         let path = tree.source(&key, place.number, place.digits);
         let frames = vec![SequenceFrame { number: place.number, path }];
         let mut job = job(Sequence { name: key.pattern(place.digits), frames, ignored: Vec::new() })?;

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use crate::error::{Error, Result};
 use crate::io::NumberPattern;
@@ -39,7 +40,7 @@ impl ShotKey {
 /// A frame's file, by its name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Place {
-    pub key: ShotKey,
+    pub key: Arc<ShotKey>,
     pub number: i64,
     pub digits: usize,
 }
@@ -132,7 +133,7 @@ impl Tree {
             }
             None => split_number(name)?,
         };
-        Some(Place { key: ShotKey { folder: folder.into(), prefix, suffix }, number, digits })
+        Some(Place { key: Arc::new(ShotKey { folder: folder.into(), prefix, suffix }), number, digits })
     }
 
     /// Whether a folder is the output folder or below it.
@@ -173,7 +174,13 @@ impl Tree {
             return;
         }
         match (self.named(&path), Stamp::of(&path)) {
-            (Some(place), Some(stamp)) => found.frames.push((place, stamp)),
+            (Some(mut place), Some(stamp)) => {
+                // One key for all the frames of a shot: there may be thousands.
+                if let Some((last, _)) = found.frames.last().filter(|(last, _)| last.key == place.key) {
+                    place.key = last.key.clone();
+                }
+                found.frames.push((place, stamp));
+            }
             (None, Some(_)) if self.pattern.is_none() => found.ignored.push((path, "has no frame number in its name")),
             _ => {}
         }

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::claims::{Claims, tidy};
@@ -16,7 +17,7 @@ use crate::error::{Error, Result};
 use crate::io::sequence::Sequence;
 use crate::plan::checks::WarningKind;
 use crate::plan::frames::show_ranges;
-use crate::shot::{CancelToken, Job, Runner, Stamp};
+use crate::shot::{CancelToken, Job, Runner, Stamp, real_folder};
 
 /// Even with events the folder is scanned now and then, as some get lost.
 const RESCAN: Duration = Duration::from_secs(10);
@@ -24,6 +25,8 @@ const RESCAN: Duration = Duration::from_secs(10);
 const POLL: Duration = Duration::from_secs(2);
 /// A scan takes at most this share of the time.
 const SHARE: u32 = 20;
+/// Free memory is given back this often.
+const TRIM: Duration = Duration::from_secs(5);
 /// The longest wait between two looks.
 const TICK: Duration = Duration::from_millis(200);
 /// A file must have been incomplete this long to be told.
@@ -49,8 +52,12 @@ pub(super) struct Watcher<'a> {
     eyes: Eyes,
     /// The input folder, as the system knows it; none while it is not there.
     root: Option<(u64, u64)>,
+    real_input: PathBuf,
+    /// Shots whose settings cannot be had, until the next attempt.
+    refused: BTreeMap<ShotKey, Duration>,
     poll: Option<Duration>,
     next_scan: Duration,
+    next_trim: Duration,
     told: Option<Waiting>,
     told_ignored: BTreeSet<PathBuf>,
     began: Instant,
@@ -67,7 +74,7 @@ impl<'a> Watcher<'a> {
     ) -> Result<Self> {
         let tree = Tree::new(&options.input, &options.output)?;
         // Settings that no shot could be denoised with are told now.
-        job(Sequence { name: String::new(), frames: Vec::new(), ignored: Vec::new() })?;
+        job(Sequence { name: String::new(), frames: Vec::new(), ignored: Vec::new() })?.reach()?;
         Ok(Self {
             options,
             report,
@@ -83,8 +90,11 @@ impl<'a> Watcher<'a> {
             job,
             eyes: Eyes::closed(),
             root: None,
+            real_input: PathBuf::new(),
+            refused: BTreeMap::new(),
             poll: options.poll,
             next_scan: Duration::ZERO,
+            next_trim: TRIM,
             told: None,
             told_ignored: BTreeSet::new(),
             began: Instant::now(),
@@ -108,7 +118,15 @@ impl<'a> Watcher<'a> {
             self.look_around(hints)?;
             self.look_into_files();
             hints = match self.work() {
-                true => self.eyes.hints(Duration::ZERO),
+                true => {
+                    // The end of the work is told, even where the numbers are as before.
+                    self.told = None;
+                    if self.now() >= self.next_trim {
+                        give_memory_back();
+                        self.next_trim = self.now() + TRIM;
+                    }
+                    self.eyes.hints(Duration::ZERO)
+                }
                 false if self.options.once && self.is_finished() => break,
                 false => {
                     self.tell();
@@ -146,14 +164,18 @@ impl<'a> Watcher<'a> {
             return Ok(());
         }
         if self.poll.is_none() && !self.options.once && !self.eyes.are_open() {
-            if let Err(refusal) = self.eyes.open(&self.tree.input) {
+            // The system tells of real paths.
+            self.real_input = real_folder(&self.tree.input);
+            if let Err(refusal) = self.eyes.open(&self.real_input) {
                 self.warn(refusal);
                 self.poll = Some(POLL);
             }
             self.next_scan = Duration::ZERO;
         }
+        let (real, input) = (self.real_input.clone(), self.tree.input.clone());
+        let named = |path: &Path| path.strip_prefix(&real).map_or_else(|_| path.into(), |below| input.join(below));
         for (path, closed) in hints.files {
-            self.look_at(&path, closed)?;
+            self.look_at(&named(&path), closed)?;
         }
         if hints.all || self.now() >= self.next_scan {
             let before = self.now();
@@ -162,7 +184,7 @@ impl<'a> Watcher<'a> {
             self.next_scan = self.now() + (took * SHARE).max(self.poll.unwrap_or(RESCAN));
         } else {
             for folder in hints.folders {
-                self.scan(&folder)?;
+                self.scan(&named(&folder))?;
             }
         }
         Ok(())
@@ -185,7 +207,7 @@ impl<'a> Watcher<'a> {
     /// Looks at a folder and everything below it.
     fn scan(&mut self, folder: &Path) -> Result<()> {
         let found = self.tree.scan(folder);
-        let mut there: BTreeMap<ShotKey, BTreeSet<i64>> = BTreeMap::new();
+        let mut there: BTreeMap<Arc<ShotKey>, BTreeSet<i64>> = BTreeMap::new();
         for (place, stamp) in found.frames {
             there.entry(place.key.clone()).or_default().insert(place.number);
             self.seen(place, stamp, false)?;
@@ -213,17 +235,21 @@ impl<'a> Watcher<'a> {
     fn seen(&mut self, place: Place, stamp: Stamp, closed: bool) -> Result<()> {
         let now = self.now();
         if !self.shots.contains_key(&place.key) {
+            if self.refused.get(&*place.key).is_some_and(|until| now < *until) {
+                return Ok(());
+            }
             match Shot::new(&self.tree, &place, self.options, self.job) {
-                Ok(shot) => _ = self.shots.insert(place.key.clone(), shot),
-                // The other shots are not to suffer from it.
-                Err(error @ Error::SwitchedOff { .. }) => {
-                    let name = place.key.name(place.digits);
-                    if self.told_ignored.insert(name.clone().into()) {
-                        self.warn(format!("left out {name}: {error}"));
+                Ok(shot) => _ = self.shots.insert(ShotKey::clone(&place.key), shot),
+                Err(error) if self.options.once && !matches!(error, Error::SwitchedOff { .. }) => return Err(error),
+                // The other shots are not to suffer from it; the settings may be mended.
+                Err(error) => {
+                    self.refused.insert(ShotKey::clone(&place.key), now + POLL);
+                    let message = format!("left out {}: {error}", place.key.name(place.digits));
+                    if self.told_ignored.insert(message.clone().into()) {
+                        self.warn(message);
                     }
                     return Ok(());
                 }
-                Err(error) => return Err(error),
             }
         }
         let Some(shot) = self.shots.get_mut(&place.key) else { return Ok(()) };
@@ -250,6 +276,7 @@ impl<'a> Watcher<'a> {
                 if shot.look(&self.tree, number, self.began.elapsed()) {
                     let source = shot.source(&self.tree, number);
                     (self.report)(Event::Landed { shot: &shot.name, frame: number, source, again });
+                    self.told = None;
                 }
             }
         }
@@ -342,6 +369,17 @@ impl<'a> Watcher<'a> {
         Ok(done)
     }
 }
+
+/// Gives free memory back to the system: over thousands of short runs, glibc would keep more and more of it in small pieces.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+fn give_memory_back() {
+    // SAFETY: it touches only memory that is not in use.
+    unsafe { libc::malloc_trim(0) };
+}
+
+/// Gives free memory back to the system, which other allocators do by themselves.
+#[cfg(not(all(target_os = "linux", target_env = "gnu")))]
+fn give_memory_back() {}
 
 /// Tells one folder from another that was put in its place.
 #[cfg(unix)]

@@ -2,6 +2,7 @@
 #![allow(dead_code, reason = "each test file uses its own part")]
 
 use hush::network::weights::Weights;
+use hush::plan::skip::Skip;
 use hush::simd::Isa;
 use hush::{Denoised, EncodedFrame, Engine, Frame, Settings};
 use ndarray::{Array2, Array3};
@@ -11,7 +12,13 @@ pub const SMALL_MODEL: &[u8] = include_bytes!("../data/golden_model.safetensors"
 
 /// The small network.
 pub fn small_with(isa: Option<Isa>, memory: Option<u64>) -> Engine {
-    Engine::from_weights(&Weights::from_bytes("golden", SMALL_MODEL).unwrap(), Settings { isa, memory }).unwrap()
+    Engine::from_weights(&Weights::from_bytes("golden", SMALL_MODEL).unwrap(), Settings { isa, memory, ..Settings::default() })
+        .unwrap()
+}
+
+/// The small network that leaves out what `skip` says.
+pub fn small_skipping(skip: Skip) -> Engine {
+    Engine::from_weights(&Weights::from_bytes("golden", SMALL_MODEL).unwrap(), Settings { skip, ..Settings::default() }).unwrap()
 }
 
 /// The small network with default settings.

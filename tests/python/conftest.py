@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+
+# A shell's background job ignores Ctrl-C, and so would every process that the tests start.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 ROOT = Path(__file__).resolve().parents[2]
 Hush = Callable[..., subprocess.CompletedProcess[str]]
@@ -34,6 +38,12 @@ def hush() -> Hush:
         return subprocess.run([binary, *map(str, arguments)], capture_output=True, text=True, timeout=600, check=False)
 
     return call
+
+
+@pytest.fixture(scope="session")
+def command_line(hush: Hush) -> Hush:
+    """The same, for tests that have the module by the name of hush."""
+    return hush
 
 
 @pytest.fixture(scope="session")

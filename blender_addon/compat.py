@@ -1,0 +1,162 @@
+# SPDX-FileCopyrightText: 2026 Hush authors
+# SPDX-License-Identifier: Apache-2.0
+"""What differs between Blender 4.2, 4.5 and 5.0, and nothing else."""
+
+import os
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+import bpy
+
+BLENDER_5 = bpy.app.version >= (5, 0, 0)
+# Blender 5 has the nodes that shading, geometry and compositing share under one name.
+MATH_NODE = "ShaderNodeMath" if BLENDER_5 else "CompositorNodeMath"
+# The Image node of Blender 5.0 shows the first view for all, where one file holds several.
+READS_VIEWS_OF_ONE_FILE = not BLENDER_5
+ADD_MENU = "NODE_MT_compositor_node_add_all"
+
+
+class Choice(NamedTuple):
+    """A node that gives, at each pixel, image `b` where `choose` is 1 and `a` where it is 0, all four channels."""
+
+    node: bpy.types.Node
+    choose: bpy.types.NodeSocket
+    a: bpy.types.NodeSocket
+    b: bpy.types.NodeSocket
+    result: bpy.types.NodeSocket
+
+
+def compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
+    """The scene's compositor tree, None where compositing is off or has no tree."""
+    if BLENDER_5:
+        return scene.compositing_node_group
+    return scene.node_tree if scene.use_nodes else None
+
+
+def compositor_trees() -> Iterator[bpy.types.NodeTree]:
+    """Every tree of compositor nodes in the file, those inside nodes too."""
+    for scene in bpy.data.scenes if not BLENDER_5 else ():
+        if scene.node_tree is not None:
+            yield scene.node_tree
+    for tree in bpy.data.node_groups:
+        if tree.bl_idname == "CompositorNodeTree":
+            yield tree
+
+
+def ensure_compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree:
+    """The scene's compositor tree; a new one, Render Layers straight to the output, where there is none."""
+    tree = compositor_tree(scene)
+    if tree is not None:
+        return tree
+    if BLENDER_5:
+        tree = bpy.data.node_groups.new("Compositor Nodes", "CompositorNodeTree")
+        scene.compositing_node_group = tree
+    else:
+        scene.use_nodes = True
+        tree = scene.node_tree
+    if not tree.nodes:
+        layers = tree.nodes.new("CompositorNodeRLayers")
+        layers.scene = scene
+        output = output_node(tree)
+        output.location = (400, 0)
+        tree.links.new(layers.outputs["Image"], output.inputs[0])
+    return tree
+
+
+def output_node(tree: bpy.types.NodeTree) -> bpy.types.Node:
+    """The node that takes the finished image in its first input; made where there is none."""
+    kind = "NodeGroupOutput" if BLENDER_5 else "CompositorNodeComposite"
+    nodes = [node for node in tree.nodes if node.bl_idname == kind]
+    active = [node for node in nodes if getattr(node, "is_active_output", False)]
+    if BLENDER_5 and not any(item.item_type == "SOCKET" and item.in_out == "OUTPUT" for item in tree.interface.items_tree):
+        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+    return (active or nodes or [tree.nodes.new(kind)])[0]
+
+
+def new_choice(tree: bpy.types.NodeTree) -> Choice:
+    """A new node that chooses between two images.
+
+    The nearer one by made-up depths: a mix node would keep the alpha of its first image.
+    """
+    node = tree.nodes.new("CompositorNodeZcombine")
+    for name in ("use_alpha", "use_antialias_z"):
+        if hasattr(node, name):
+            setattr(node, name, False)
+    for socket in node.inputs:
+        if socket.type == "BOOLEAN":
+            socket.default_value = False
+    node.inputs[3].default_value = 0.5
+    return choice_sockets(node)
+
+
+def choice_sockets(node: bpy.types.Node) -> Choice:
+    """Such a node with its sockets."""
+    return Choice(node, node.inputs[1], node.inputs[0], node.inputs[2], node.outputs[0])
+
+
+def fcurves(owner: bpy.types.ID) -> Iterable[bpy.types.FCurve]:
+    """The F-curves of an ID's own action."""
+    animation = owner.animation_data
+    action = animation.action if animation else None
+    if action is None:
+        return []
+    slot = getattr(animation, "action_slot", None)
+    if slot is None or not hasattr(action, "layers"):
+        return getattr(action, "fcurves", [])
+    strips = [strip for layer in action.layers for strip in layer.strips]
+    bags = [strip.channelbag(slot) for strip in strips if hasattr(strip, "channelbag")]
+    return [curve for bag in bags if bag for curve in bag.fcurves]
+
+
+def working_space() -> str:
+    """The colour space that renders are in."""
+    space = getattr(bpy.data, "colorspace", None)
+    return getattr(space, "working_space", "") or "Linear Rec.709"
+
+
+def use_multilayer(settings: bpy.types.ImageFormatSettings) -> None:
+    """Sets an image format to multilayer OpenEXR."""
+    if hasattr(settings, "media_type"):
+        settings.media_type = "MULTI_LAYER_IMAGE"
+    settings.file_format = "OPEN_EXR_MULTILAYER"
+
+
+def use_image_format(settings: bpy.types.ImageFormatSettings, file_format: str) -> None:
+    """Sets an image format to one that holds a single image."""
+    if hasattr(settings, "media_type"):
+        settings.media_type = "IMAGE"
+    settings.file_format = file_format
+
+
+def strips(scene: bpy.types.Scene) -> bool:
+    """Whether the scene's Sequencer holds anything."""
+    editor = scene.sequence_editor
+    return bool(editor and (editor.strips_all if hasattr(editor, "strips_all") else editor.sequences_all))
+
+
+def own_compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree:
+    """Gives a copy of a scene a compositor tree of its own; 4.x does so by itself."""
+    if BLENDER_5:
+        scene.compositing_node_group = scene.compositing_node_group.copy()
+    return compositor_tree(scene)
+
+
+def remove_with_tree(scene: bpy.types.Scene) -> None:
+    """Removes a scene and the compositor tree that only it has."""
+    tree = scene.compositing_node_group if BLENDER_5 else None
+    bpy.data.scenes.remove(scene)
+    if tree is not None and tree.users == 0:
+        bpy.data.node_groups.remove(tree)
+
+
+def written_by(node: bpy.types.Node) -> list[str]:
+    """Where a File Output node writes OpenEXR files: absolute paths up to the frame number."""
+    if not node.format.file_format.startswith("OPEN_EXR"):
+        return []
+    multilayer = node.format.file_format == "OPEN_EXR_MULTILAYER"
+    if BLENDER_5:
+        names = [node.file_name] if multilayer else [node.file_name, *(node.file_name + item.name for item in node.file_output_items)]
+        paths = [os.path.join(node.directory, name) for name in names]
+    else:
+        paths = [node.base_path] if multilayer else [os.path.join(node.base_path, slot.path) for slot in node.file_slots]
+    return [bpy.path.abspath(path).rstrip("#") for path in paths]

@@ -1,0 +1,203 @@
+# SPDX-FileCopyrightText: 2026 Hush authors
+# SPDX-License-Identifier: Apache-2.0
+"""What is drawn: the panel in the render properties, and the inside of the node."""
+
+import textwrap
+
+import bpy
+
+from . import check, denoise, node, refresh, shot, status
+
+# A letter's width in the interface's own units, a little generous.
+_LETTER = 6.5
+# Where a problem is drawn, by its key; all others belong to preparing.
+_STEP_OF = {"frames": 2, "older": 2, "lossy": 2, "first_frame": 2, "folder": 3, "space": 3, "library": 3, "lambda": 3}
+
+
+class _HushPanel:
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "render"
+
+
+class RENDER_PT_hush(_HushPanel, bpy.types.Panel):
+    """The four steps from the scene to the denoised film."""
+
+    bl_label = "Hush Temporal Denoise"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draws only what is known already, and asks for a fresh look."""
+        refresh.request()
+        scene, layout = context.scene, self.layout
+        width = _width(context)
+        state = status.last_known(scene)
+        problems = refresh.problems(scene) or []
+        steps = [[p for p in problems if _STEP_OF.get(p.key, 1) == step] for step in (1, 2, 3)]
+        _draw_prepare(layout, scene, all(p.level == check.INFO for p in steps[0]))
+        _draw_problems(layout, steps[0], width)
+        _draw_render(layout, state)
+        _draw_problems(layout, steps[1], width)
+        _draw_denoise(layout, scene, state, width)
+        _draw_problems(layout, steps[2], width)
+        _draw_composite(layout, scene)
+
+
+class RENDER_PT_hush_settings(_HushPanel, bpy.types.Panel):
+    """How the shot is denoised."""
+
+    bl_label = "Settings"
+    bl_parent_id = "RENDER_PT_hush"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """The dial first."""
+        layout, hush = self.layout, context.scene.hush
+        layout.use_property_split = True
+        layout.prop(hush, "lam", slider=True)
+        if shot.lambda_source(context.scene) in ("driver", "nla"):
+            layout.label(text="λ has a driver or NLA strips: its value now is used for all frames", icon="INFO")
+        column = layout.column()
+        column.use_property_decorate = False
+        column.prop(hush, "window")
+        column.prop(hush, "use_light_passes")
+        column.prop(hush, "keep_noisy")
+        if len(context.scene.view_layers) > 1:
+            column.prop_search(hush, "vector_layer", context.scene, "view_layers")
+
+
+class RENDER_PT_hush_folders(_HushPanel, bpy.types.Panel):
+    """Where the frames are."""
+
+    bl_label = "Folders"
+    bl_parent_id = "RENDER_PT_hush"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """What is empty is filled in words below."""
+        layout, scene = self.layout, context.scene
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(scene.hush, "input_folder")
+        layout.prop(scene.hush, "output_folder")
+        layout.prop(scene.hush, "composite_folder")
+        layout.prop(scene.hush, "composite_format")
+        column = layout.column(align=True)
+        try:
+            lines = [f"From {path}" for path in shot.frame_patterns(scene)] + [f"To {shot.output_folder(scene)}"]
+        except shot.ShotError as error:
+            lines = [str(error)]
+        for line in lines:
+            _paragraph(column, line, _width(context))
+
+
+def _draw_problems(layout: bpy.types.UILayout, problems: list[check.Problem], width: float) -> None:
+    column = layout.column(align=True)
+    for problem in problems:
+        line = column.row()
+        icon = {check.ERROR: "ERROR", check.WARNING: "QUESTION"}.get(problem.level, "INFO")
+        _paragraph(line.column(align=True), problem.text, width - (80 if problem.fix else 0), icon=icon)
+        if problem.fix:
+            operator, arguments = problem.fix
+            button = line.operator(operator, text="Fix")
+            for name, value in arguments.items():
+                setattr(button, name, value)
+
+
+def _draw_prepare(layout: bpy.types.UILayout, scene: bpy.types.Scene, ready: bool) -> None:
+    row = _step(layout, ready, "hush.prepare_shot", "1. Prepare Shot")
+    if scene.hush.prepared:
+        row.operator("hush.undo_prepare", text="", icon="LOOP_BACK")
+    row.operator("hush.check_shot", text="", icon="VIEWZOOM")
+
+
+def _draw_render(layout: bpy.types.UILayout, state: status.ShotStatus | None) -> None:
+    rendered = bool(state and state.total and state.rendered == state.total)
+    row = _step(layout, rendered, "render.render", "2. Render Animation", animation=True)
+    if state and state.total:
+        row.label(text=f"{state.rendered} of {state.total}")
+
+
+def _draw_denoise(layout: bpy.types.UILayout, scene: bpy.types.Scene, state: status.ShotStatus | None, width: float) -> None:
+    finished = bool(state and state.total and state.done == state.total)
+    _step(layout, finished, "hush.denoise_shot", "3. Denoise Shot")
+    if not _draw_progress(layout, scene) and state:
+        _paragraph(layout.column(align=True), sentence(state.text), width, icon="ERROR" if state.stale else "BLANK1")
+
+
+def _draw_composite(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
+    has_node = any(node.nodes(scene))
+    row = _step(layout, None, "hush.composite_shot", "4. Composite Denoised")
+    row.enabled = has_node
+    if not has_node:
+        layout.operator("hush.add_node", icon=node.ICON)
+
+
+def _step(layout: bpy.types.UILayout, done: bool | None, operator: str, text: str, **arguments: object) -> bpy.types.UILayout:
+    row = layout.row()
+    icon = "CHECKMARK" if done else "RADIOBUT_OFF"
+    button = row.operator(operator, text=text, icon="PLAY" if done is None else icon)
+    for name, value in arguments.items():
+        setattr(button, name, value)
+    return row
+
+
+def _draw_progress(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> bool:
+    progress = denoise.progress(scene)
+    if progress is None:
+        return False
+    layout.progress(factor=progress[0], text=progress[1], type="BAR")
+    return True
+
+
+def sentence(text: str) -> str:
+    """With a capital, except for λ."""
+    return text[:1].upper() + text[1:] if not text.startswith("λ") else text
+
+
+def draw_node(which: node.TemporalDenoise, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+    """The inside of the node: dial, window, frames, how far, and the buttons."""
+    refresh.request()
+    scene = which.source_scene or context.scene
+    if len(bpy.data.scenes) > 1:
+        layout.prop(which, "source_scene")
+    if len(scene.view_layers) > 1:
+        layout.prop_search(which, "view_layer", scene, "view_layers")
+    layout.prop(scene.hush, "lam", slider=True)
+    layout.prop(scene.hush, "window")
+    layout.prop(scene.hush, "input_folder", text="Frames")
+    state = status.last_known(scene)
+    column = layout.column(align=True)
+    if not _draw_progress(column, scene) and state:
+        _paragraph(column, sentence(state.text), which.width, icon="ERROR" if state.stale else "NONE")
+    if not node.is_on(which):
+        _paragraph(column, f"{node.why_off(which)}: the image passes through", which.width, icon="INFO")
+    column = layout.column(align=True)
+    column.operator("hush.denoise_shot", icon=node.ICON).scene = scene.name
+    column.operator("hush.composite_shot", icon="RENDER_ANIMATION")
+
+
+def _width(context: bpy.types.Context) -> float:
+    """Of the region, in the interface's own units; a node's width is in these already."""
+    return context.region.width / (context.preferences.system.ui_scale or 1.0)
+
+
+def _paragraph(column: bpy.types.UILayout, text: str, width: float, *, icon: str = "NONE") -> None:
+    """Text in as many lines as it takes; labels alone would be cut off."""
+    letters = max(16, int(width / _LETTER) - (4 if icon != "NONE" else 0))
+    for number, line in enumerate(textwrap.wrap(text, letters, break_on_hyphens=False) or [""]):
+        column.label(text=line, icon=icon if number == 0 else "BLANK1" if icon != "NONE" else "NONE")
+
+
+_CLASSES = (RENDER_PT_hush, RENDER_PT_hush_settings, RENDER_PT_hush_folders)
+
+
+def register() -> None:
+    """Adds the panels."""
+    for cls in _CLASSES:
+        bpy.utils.register_class(cls)
+
+
+def unregister() -> None:
+    """Takes the panels away."""
+    for cls in reversed(_CLASSES):
+        bpy.utils.unregister_class(cls)

@@ -1,0 +1,391 @@
+# SPDX-FileCopyrightText: 2026 Hush authors
+# SPDX-License-Identifier: Apache-2.0
+"""Prepare Shot: the render settings that Hush wants, each change remembered in the scene so that it can be undone."""
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import bpy
+from bpy.props import StringProperty
+
+from . import compat
+
+VECTOR_LAYER = "Hush Vectors"
+LOSSLESS = {"NONE", "RLE", "ZIPS", "ZIP", "PIZ"}
+# In the order in which Blender lets them be set: the file format decides which depths there are.
+_IMAGE_SETTINGS = ("media_type", "file_format", "color_mode", "color_depth", "exr_codec", "use_exr_interleave", "quality", "compression")
+# What a view layer shows, and so where its motion vectors come from.
+_LAYER_FLAGS = ("material_override", "world_override", "use_solid", "use_sky", "use_strand", "use_volumes", "pass_alpha_threshold")
+_COLLECTION_FLAGS = ("exclude", "holdout", "indirect_only", "hide_viewport")
+
+Owner = tuple[str, ...]
+
+
+class PrepareError(Exception):
+    """Why the scene cannot be prepared."""
+
+
+class Record:
+    """What was changed in a scene and what was there before, kept in `scene.hush.prepared`."""
+
+    def __init__(self, scene: bpy.types.Scene) -> None:
+        self.scene = scene
+        try:
+            kept = json.loads(scene.hush.prepared or "{}")
+        except ValueError:
+            kept = {}
+        kept = kept if isinstance(kept, dict) else {}
+        self.vector_layer: str | None = kept.get("vector_layer")
+        # [owner, property, before, after]
+        self.values: list[list[Any]] = kept.get("values", [])
+
+    def save(self) -> None:
+        """Writes it into the scene; nothing where nothing is changed."""
+        there = {"vector_layer": self.vector_layer, "values": self.values}
+        self.scene.hush.prepared = json.dumps(there) if self.values or self.vector_layer else ""
+
+    def owner(self, path: Owner) -> Any:  # noqa: ANN401 (any Blender struct)
+        """What a path such as ("view_layers", "ViewLayer", "cycles") names, None where it is gone."""
+        found: Any = self.scene
+        for part in path:
+            found = found.get(part) if isinstance(found, bpy.types.bpy_prop_collection) else getattr(found, part, None)
+        return found
+
+    def set(self, path: Owner, name: str, value: Any) -> bool:  # noqa: ANN401 (any property's value)
+        """Sets a property; False where it had that value already."""
+        owner = self.owner(path)
+        before = getattr(owner, name)
+        if before == value:
+            return False
+        setattr(owner, name, value)
+        self._remember(path, name, before, getattr(owner, name))
+        return True
+
+    @contextmanager
+    def watching(self, path: Owner, names: tuple[str, ...]) -> Iterator[Any]:
+        """Remembers what changes among these properties, also those that Blender changes by itself."""
+        owner = self.owner(path)
+        before = {name: getattr(owner, name) for name in names if hasattr(owner, name)}
+        yield owner
+        for name, value in before.items():
+            if getattr(owner, name) != value:
+                self._remember(path, name, value, getattr(owner, name))
+
+    def _remember(self, path: Owner, name: str, before: object, after: object) -> None:
+        for entry in self.values:
+            if entry[:2] == [list(path), name]:
+                entry[3] = after
+                return
+        self.values.append([list(path), name, before, after])
+
+
+def rendered_layers(scene: bpy.types.Scene) -> list[bpy.types.ViewLayer]:
+    """The view layers that are rendered, without those that are there for their motion vectors only."""
+    used = [layer for layer in scene.view_layers if layer.use]
+    kept = [layer for layer in used if layer.name not in (vector_layer(scene), Record(scene).vector_layer)]
+    return kept or used
+
+
+def vector_layer(scene: bpy.types.Scene) -> str:
+    """The view layer that the scene takes its motion vectors from, empty where each has its own."""
+    name = scene.hush.vector_layer or Record(scene).vector_layer or ""
+    return name if name in scene.view_layers else ""
+
+
+def blurred_layers(scene: bpy.types.Scene) -> list[bpy.types.ViewLayer]:
+    """The rendered view layers whose Vector pass will be empty, as they have motion blur."""
+    return [layer for layer in rendered_layers(scene) if scene.render.use_motion_blur and layer.use_motion_blur]
+
+
+def missing_passes(layer: bpy.types.ViewLayer) -> list[str]:
+    """Names of the passes that Hush wants and the view layer does not write."""
+    wanted = {"Denoising Data": layer.cycles.denoising_store_passes, "Vector": layer.use_pass_vector, "Depth": layer.use_pass_z}
+    return [name for name, on in wanted.items() if not on]
+
+
+def seed_is_animated(scene: bpy.types.Scene) -> bool:
+    """Whether every frame has other noise."""
+    animation = scene.animation_data
+    drivers = animation.drivers if animation else []
+    moving = any(curve.data_path == "cycles.seed" for curve in (*compat.fcurves(scene), *drivers))
+    return scene.cycles.use_animated_seed or moving
+
+
+def _engine(scene: bpy.types.Scene, record: Record) -> list[str]:
+    return ["Render engine: Cycles"] if record.set(("render",), "engine", "CYCLES") else []
+
+
+def _camera(scene: bpy.types.Scene, record: Record) -> list[str]:
+    cameras = [thing for thing in scene.objects if thing.type == "CAMERA"]
+    if scene.camera is not None or not cameras:
+        return []
+    scene.camera = cameras[0]
+    return [f"Camera of the scene: {cameras[0].name}"]
+
+
+def _passes(scene: bpy.types.Scene, record: Record) -> list[str]:
+    told = []
+    for layer in rendered_layers(scene):
+        missing = missing_passes(layer)
+        path = ("view_layers", layer.name)
+        record.set((*path, "cycles"), "denoising_store_passes", True)
+        record.set(path, "use_pass_vector", True)
+        record.set(path, "use_pass_z", True)
+        if missing:
+            told.append(f"View layer {layer.name}: {', '.join(missing)} on")
+    return told
+
+
+def _seed(scene: bpy.types.Scene, record: Record) -> list[str]:
+    if seed_is_animated(scene):
+        return []
+    record.set(("cycles",), "use_animated_seed", True)
+    return ["Sampling: animated seed on"]
+
+
+def _denoising(scene: bpy.types.Scene, record: Record) -> list[str]:
+    return ["Sampling: Cycles' own denoising off"] if record.set(("cycles",), "use_denoising", False) else []
+
+
+def _format(scene: bpy.types.Scene, record: Record) -> list[str]:
+    told = []
+    with record.watching(("render", "image_settings"), _IMAGE_SETTINGS) as settings:
+        depth = settings.color_depth
+        if settings.file_format != "OPEN_EXR_MULTILAYER":
+            compat.use_multilayer(settings)
+            settings.exr_codec = "ZIP"
+            told.append("Output: OpenEXR MultiLayer, ZIP")
+        elif settings.exr_codec not in LOSSLESS:
+            settings.exr_codec = "ZIP"
+            told.append("Output: codec ZIP")
+        settings.color_depth = "32"
+        if depth != "32":
+            told.append("Output: 32 bit")
+    return told
+
+
+def _motion_blur(scene: bpy.types.Scene, record: Record) -> list[str]:
+    blurred = blurred_layers(scene)
+    if not blurred or vector_layer(scene):
+        return []
+    told = []
+    fitting = [layer.name for layer in scene.view_layers if layer.use and not layer.use_motion_blur and layer.use_pass_vector]
+    name = fitting[0] if fitting else ""
+    if not name:
+        name = record.vector_layer = _add_vector_layer(scene, blurred)
+        told.append(f"View layer {name} added: 1 sample, without motion blur, for the motion vectors")
+    record.set(("hush",), "vector_layer", name)
+    told.append(f"Motion vectors from view layer {name}")
+    return told + _single_layer(scene, record)
+
+
+def _add_vector_layer(scene: bpy.types.Scene, blurred: list[bpy.types.ViewLayer]) -> str:
+    layer = scene.view_layers.new(VECTOR_LAYER)
+    layer.use_motion_blur = False
+    layer.samples = 1
+    layer.use_pass_vector = True
+    layer.use_freestyle = False
+    for flag in _LAYER_FLAGS:
+        if hasattr(layer, flag):
+            setattr(layer, flag, getattr(blurred[0], flag))
+    _show_the_same(layer.layer_collection, [other.layer_collection for other in blurred])
+    return layer.name
+
+
+def _show_the_same(target: bpy.types.LayerCollection, sources: list[bpy.types.LayerCollection]) -> None:
+    """Gives a view layer's collections the visibility that they have in the others; what one of them shows is shown."""
+    for child in target.children:
+        same = [source.children[child.name] for source in sources if child.name in source.children]
+        shown = [source for source in same if not source.exclude] or same
+        for flag in _COLLECTION_FLAGS if shown else ():
+            setattr(child, flag, getattr(shown[0], flag))
+        _show_the_same(child, same)
+
+
+def _overwrite(scene: bpy.types.Scene, record: Record) -> list[str]:
+    return ["Output: Overwrite on"] if record.set(("render",), "use_overwrite", True) else []
+
+
+def _placeholders(scene: bpy.types.Scene, record: Record) -> list[str]:
+    return ["Output: Placeholders off"] if record.set(("render",), "use_placeholder", False) else []
+
+
+def _sequencer(scene: bpy.types.Scene, record: Record) -> list[str]:
+    return ["Post Processing: Sequencer off"] if record.set(("render",), "use_sequencer", False) else []
+
+
+def _single_layer(scene: bpy.types.Scene, record: Record) -> list[str]:
+    return ["Render Single Layer off"] if record.set(("render",), "use_single_layer", False) else []
+
+
+def _vector_pass(scene: bpy.types.Scene, record: Record) -> list[str]:
+    name = vector_layer(scene)
+    wanted = {"use": True, "use_pass_vector": True, "use_motion_blur": False}
+    changed = [record.set(("view_layers", name), flag, value) for flag, value in wanted.items() if name]
+    return [f"View layer {name}: rendered, Vector on, motion blur off"] if any(changed) else []
+
+
+STEPS: dict[str, Callable[[bpy.types.Scene, Record], list[str]]] = {
+    "engine": _engine,
+    "camera": _camera,
+    "passes": _passes,
+    "seed": _seed,
+    "denoising": _denoising,
+    "format": _format,
+    "motion_blur": _motion_blur,
+    "single_layer": _single_layer,
+    "vector_pass": _vector_pass,
+    "overwrite": _overwrite,
+    "placeholders": _placeholders,
+    "sequencer": _sequencer,
+}
+PREPARE = ("passes", "seed", "denoising", "format", "motion_blur")
+
+
+def apply(scene: bpy.types.Scene, steps: tuple[str, ...] = PREPARE) -> list[str]:
+    """Does the steps and tells each change in words; nothing told, nothing changed.
+
+    Raises:
+        PrepareError: The scene is not rendered with Cycles, or cannot be changed.
+    """
+    if scene.library is not None:
+        raise PrepareError(f"The scene {scene.name} is linked from another file and cannot be changed here")
+    if scene.render.engine != "CYCLES" and "engine" not in steps:
+        raise PrepareError(f"Hush denoises renders of Cycles; the render engine of {scene.name} is {scene.render.engine}")
+    record = Record(scene)
+    try:
+        return [text for step in steps for text in STEPS[step](scene, record)]
+    finally:
+        record.save()
+
+
+def undo(scene: bpy.types.Scene) -> list[str]:
+    """Puts back what was there before; what was changed by hand since stays. Tells what could not be put back."""
+    record = Record(scene)
+    told = []
+    # All are looked at before any is set: setting one, such as the file format, changes others.
+    by_hand = [entry for entry in record.values if _now(record, entry) not in entry[2:]]
+    for entry in record.values:
+        path, name, before, _ = entry
+        owner = record.owner(tuple(path))
+        if owner is None:
+            told.append(f"{' › '.join(path)} is gone")
+        elif entry in by_hand:
+            told.append(f"{' › '.join((*path, name))} was changed since and stays as it is")
+        else:
+            try:
+                setattr(owner, name, before)
+            except (TypeError, AttributeError) as error:
+                told.append(f"{name} could not be put back: {error}")
+    layer = scene.view_layers.get(record.vector_layer or "")
+    if layer is not None and len(scene.view_layers) > 1:
+        scene.view_layers.remove(layer)
+    scene.hush.prepared = ""
+    return told
+
+
+def _now(record: Record, entry: list[Any]) -> object:
+    return getattr(record.owner(tuple(entry[0])), entry[1], None)
+
+
+def scene_of(operator: bpy.types.Operator, context: bpy.types.Context) -> bpy.types.Scene | None:
+    """The scene that an operator is for: the one it names, else the open one. Reports a name that is none."""
+    if not operator.scene:
+        return context.scene
+    scene = bpy.data.scenes.get(operator.scene)
+    if scene is None:
+        operator.report({"ERROR"}, f"There is no scene {operator.scene}")
+    return scene
+
+
+class HUSH_OT_prepare_shot(bpy.types.Operator):
+    """Turn on what Hush needs to denoise well: passes, animated seed, multilayer EXR; and Cycles' own denoising off"""
+
+    bl_idname = "hush.prepare_shot"
+    bl_label = "Prepare Shot"
+    bl_options = {"REGISTER", "UNDO"}
+
+    scene: StringProperty(name="Scene", description="Scene to prepare. Empty: the open one", options={"SKIP_SAVE"})
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Prepares the scene."""
+        scene = scene_of(self, context)
+        if scene is None:
+            return {"CANCELLED"}
+        try:
+            told = apply(scene)
+        except PrepareError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        self.report({"INFO"}, f"Shot prepared. {'; '.join(told)}" if told else "The shot was prepared already")
+        return {"FINISHED"}
+
+
+class HUSH_OT_undo_prepare(bpy.types.Operator):
+    """Put every setting that Prepare Shot changed back to what it was"""
+
+    bl_idname = "hush.undo_prepare"
+    bl_label = "Undo Prepare"
+    bl_options = {"REGISTER", "UNDO"}
+
+    scene: StringProperty(name="Scene", description="Scene to put back. Empty: the open one", options={"SKIP_SAVE"})
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Puts the scene back."""
+        scene = scene_of(self, context)
+        if scene is None:
+            return {"CANCELLED"}
+        if not scene.hush.prepared:
+            self.report({"WARNING"}, f"There is nothing to undo in {scene.name}: it was not prepared")
+            return {"CANCELLED"}
+        told = undo(scene)
+        for text in told:
+            self.report({"WARNING"}, text)
+        self.report({"INFO"}, "The settings are as they were before Prepare Shot")
+        return {"FINISHED"}
+
+
+class HUSH_OT_fix(bpy.types.Operator):
+    """Change the setting that this problem comes from"""
+
+    bl_idname = "hush.fix"
+    bl_label = "Fix"
+    bl_options = {"REGISTER", "UNDO", "INTERNAL"}
+
+    key: StringProperty(name="Problem", description="Key of the problem, such as passes", options={"SKIP_SAVE"})
+    scene: StringProperty(name="Scene", description="Scene to change. Empty: the open one", options={"SKIP_SAVE"})
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Fixes one problem."""
+        scene = scene_of(self, context)
+        if scene is None:
+            return {"CANCELLED"}
+        if self.key == "save" and not bpy.app.background:
+            return bpy.ops.wm.save_as_mainfile("INVOKE_DEFAULT") and {"FINISHED"}
+        if self.key not in STEPS:
+            self.report({"ERROR"}, f"There is no fix for {self.key or 'nothing'}; there are {', '.join(STEPS)}")
+            return {"CANCELLED"}
+        try:
+            told = apply(scene, (self.key,))
+        except PrepareError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        self.report({"INFO"}, "; ".join(told) or "That was right already")
+        return {"FINISHED"}
+
+
+_CLASSES = (HUSH_OT_prepare_shot, HUSH_OT_undo_prepare, HUSH_OT_fix)
+
+
+def register() -> None:
+    """Adds the operators."""
+    for each in _CLASSES:
+        bpy.utils.register_class(each)
+
+
+def unregister() -> None:
+    """Takes the operators away."""
+    for each in reversed(_CLASSES):
+        bpy.utils.unregister_class(each)

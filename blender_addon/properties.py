@@ -1,0 +1,115 @@
+# SPDX-FileCopyrightText: 2026 Hush authors
+# SPDX-License-Identifier: Apache-2.0
+"""The settings of a shot, kept in the scene as `scene.hush`."""
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty
+
+from . import status
+
+WINDOWS = (
+    ("AUTO", "Automatic", "Two frames on each side where the frames have motion vectors, else none"),
+    ("0", "This Frame Only", "Each frame is denoised for itself; more flicker"),
+    ("1", "1 Frame", "One frame on each side helps"),
+    ("2", "2 Frames", "Two frames on each side help"),
+    ("3", "3 Frames", "Three frames on each side help; slower, wants more memory"),
+)
+
+COMPOSITE_FORMATS = (
+    ("OPEN_EXR", "OpenEXR", "Half float, scene linear; for further work"),
+    ("PNG", "PNG", "16 bit, with the view transform; for looking at"),
+)
+
+
+def _changed(self: "HushShot", _context: bpy.types.Context) -> None:
+    status.touch(self.id_data)
+
+
+class HushShot(bpy.types.PropertyGroup):
+    """How a scene's frames are denoised."""
+
+    lam: FloatProperty(
+        name="λ Noise to Keep",
+        description=(
+            "1 is cleanest. Higher keeps more of the render's grain, and the fine detail hidden in it. "
+            "Can be keyframed. After a change press Denoise Shot again"
+        ),
+        default=1.0,
+        min=1.0,
+        max=64.0,
+        step=10,
+        precision=2,
+        update=_changed,
+    )
+    window: EnumProperty(
+        name="Window",
+        description="How many frames before and after each frame help to denoise it. They need motion vectors",
+        items=WINDOWS,
+        default="AUTO",
+        options=set(),
+        update=_changed,
+    )
+    input_folder: StringProperty(
+        name="Rendered Frames",
+        description="Folder of the noisy frames. Empty: where the scene renders to",
+        subtype="DIR_PATH",
+        options=set(),
+        update=_changed,
+    )
+    output_folder: StringProperty(
+        name="Denoised Frames",
+        description="Folder for the denoised frames. Empty: a folder named denoised beside the noisy frames",
+        subtype="DIR_PATH",
+        options=set(),
+        update=_changed,
+    )
+    composite_folder: StringProperty(
+        name="Composited Frames",
+        description="Folder for the frames of Composite Denoised. Empty: a folder named composited beside the noisy frames",
+        subtype="DIR_PATH",
+        options=set(),
+    )
+    composite_format: EnumProperty(
+        name="Format",
+        description="File format of the composited frames",
+        items=COMPOSITE_FORMATS,
+        default="OPEN_EXR",
+        options=set(),
+    )
+    use_light_passes: BoolProperty(
+        name="Light Passes",
+        description="Denoise the light passes and light groups too, so that they still add up to the image",
+        default=False,
+        options=set(),
+        update=_changed,
+    )
+    keep_noisy: BoolProperty(
+        name="Keep Noisy Image",
+        description="Keep the noisy image in the denoised files, as the pass Noisy Image",
+        default=False,
+        options=set(),
+        update=_changed,
+    )
+    vector_layer: StringProperty(
+        name="Vectors From",
+        description="View layer that the motion vectors are taken from. Empty: the one that Prepare Shot made, else each layer's own",
+        options=set(),
+        update=_changed,
+    )
+    prepared: StringProperty(
+        name="Prepared",
+        description="What Prepare Shot changed, so that it can be undone",
+        options={"HIDDEN"},
+    )
+
+
+def register() -> None:
+    """Adds `scene.hush`."""
+    bpy.utils.register_class(HushShot)
+    bpy.types.Scene.hush = PointerProperty(type=HushShot)
+
+
+def unregister() -> None:
+    """Takes `scene.hush` away; its values stay in the .blend."""
+    del bpy.types.Scene.hush
+    bpy.utils.unregister_class(HushShot)

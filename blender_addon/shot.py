@@ -1,0 +1,191 @@
+# SPDX-FileCopyrightText: 2026 Hush authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a scene says about its shot: where the frames are, which ones, and with which settings to denoise them."""
+
+import json
+import re
+from collections import Counter
+from pathlib import Path
+
+import bpy
+
+from . import compat
+
+LAMBDA_MIN, LAMBDA_MAX = 1.0, 64.0
+_HASHES = re.compile(r"#+(?=[^#]*$)")
+_NUMBERED = re.compile(r"^(.*?)(-?\d+)(\D*)\.exr$", re.IGNORECASE)
+_sequences: dict[Path, tuple[int, list[str]]] = {}
+
+
+class ShotError(Exception):
+    """The scene's settings name no frames; the message says why."""
+
+
+def stereo_views(scene: bpy.types.Scene) -> list[str]:
+    """The stereo views that are rendered; one empty name without stereo."""
+    render = scene.render
+    if not render.use_multiview:
+        return [""]
+    both = render.views_format == "STEREO_3D"
+    names = [view.name for view in render.views if (view.name in ("left", "right") if both else view.use)]
+    return names or [""]
+
+
+def views(scene: bpy.types.Scene) -> list[str]:
+    """The stereo views that have files of their own; one empty name where all is in one file."""
+    return stereo_views(scene) if scene.render.image_settings.views_format == "INDIVIDUAL" else [""]
+
+
+def frame_pattern(scene: bpy.types.Scene, view: str | None = None) -> Path:
+    """The noisy frames as `…/frame_####.exr`, of one view where each has its own files (the first one if not said).
+
+    Raises:
+        ShotError: Blender cannot make a path of the scene's output setting.
+    """
+    view = views(scene)[0] if view is None else view
+    rendered = _render_pattern(scene, view)
+    folder = scene.hush.input_folder.strip()
+    if not folder:
+        return rendered
+    given = _absolute(scene, folder)
+    if "#" in given.name:
+        return given
+    found = _patterns_in(given)
+    if rendered.name in found or not found:
+        return given / rendered.name
+    suffix = scene.render.views[view].file_suffix if view else ""
+    fitting = [name for name in found if name.endswith(f"{suffix}.exr")]
+    return given / (fitting or found)[0]
+
+
+def frame_patterns(scene: bpy.types.Scene) -> list[Path]:
+    """Every sequence of noisy frames: one for each view that has files of its own, else one."""
+    return [frame_pattern(scene, view) for view in views(scene)]
+
+
+def frame_file(pattern: Path, frame: int) -> Path:
+    """The file of one frame of a pattern, named as Blender names it."""
+
+    def number(hashes: re.Match[str]) -> str:
+        return f"{'-' if frame < 0 else ''}{abs(frame):0{len(hashes[0])}d}"
+
+    return pattern.with_name(_HASHES.sub(number, pattern.name, count=1))
+
+
+def output_folder(scene: bpy.types.Scene) -> Path:
+    """Where the denoised frames go."""
+    folder = scene.hush.output_folder.strip()
+    return _absolute(scene, folder) if folder else frame_pattern(scene).parent / "denoised"
+
+
+def output_file(scene: bpy.types.Scene, frame: int, view: str | None = None) -> Path:
+    """The denoised file of a frame; it has the noisy one's name."""
+    return output_folder(scene) / frame_file(frame_pattern(scene, view), frame).name
+
+
+def frame_range(scene: bpy.types.Scene) -> range:
+    """The frames that the scene renders."""
+    return range(scene.frame_start, scene.frame_end + 1, max(1, scene.frame_step))
+
+
+def vector_layer(scene: bpy.types.Scene) -> str | None:
+    """The view layer that the motion vectors are taken from, None for each layer's own."""
+    name = scene.hush.vector_layer or _prepared_vector_layer(scene)
+    return name if name in scene.view_layers else None
+
+
+def layers(scene: bpy.types.Scene) -> list[str]:
+    """The view layers to denoise: those that are rendered, without the one that only has vectors."""
+    spare = _prepared_vector_layer(scene)
+    return [layer.name for layer in scene.view_layers if layer.use and layer.name != spare]
+
+
+def window(scene: bpy.types.Scene) -> int | None:
+    """Frames on each side that help; None to let the denoiser choose."""
+    return None if scene.hush.window == "AUTO" else int(scene.hush.window)
+
+
+def lambda_source(scene: bpy.types.Scene) -> str:
+    """What λ follows: `value`, `keys` (an F-curve), or `driver` or `nla`, of which only the value of now is known."""
+    animation = scene.animation_data
+    if animation is None:
+        return "value"
+    if any(driver.data_path == "hush.lam" for driver in animation.drivers):
+        return "driver"
+    if _lambda_curve(scene):
+        return "keys"
+    return "nla" if animation.use_nla and any(not track.mute for track in animation.nla_tracks) else "value"
+
+
+def lambda_at(scene: bpy.types.Scene, frame: int) -> float:
+    """λ at a frame, 1…64, without going there. Under a driver or NLA strips: its value now."""
+    curve = _lambda_curve(scene) if lambda_source(scene) == "keys" else None
+    return _evaluate(scene, curve, frame)
+
+
+def lambda_keys(scene: bpy.types.Scene) -> float | dict[int, float]:
+    """λ for each frame of the range, or one number where all are the same."""
+    curve = _lambda_curve(scene) if lambda_source(scene) == "keys" else None
+    if curve is None:
+        return _evaluate(scene, None, 0)
+    values = {frame: _evaluate(scene, curve, frame) for frame in frame_range(scene)}
+    distinct = set(values.values())
+    return distinct.pop() if len(distinct) == 1 else values
+
+
+def _evaluate(scene: bpy.types.Scene, curve: bpy.types.FCurve | None, frame: int) -> float:
+    if curve is None:
+        value = scene.hush.lam
+    else:
+        # The render settings can stretch time; curves are read at the stretched frame.
+        value = curve.evaluate(frame * scene.render.frame_map_new / scene.render.frame_map_old)
+    return min(max(value, LAMBDA_MIN), LAMBDA_MAX)
+
+
+def _lambda_curve(scene: bpy.types.Scene) -> bpy.types.FCurve | None:
+    curves = [curve for curve in compat.fcurves(scene) if curve.data_path == "hush.lam" and not curve.mute]
+    return curves[0] if curves else None
+
+
+def _prepared_vector_layer(scene: bpy.types.Scene) -> str:
+    try:
+        record = json.loads(scene.hush.prepared or "{}")
+    except ValueError:
+        return ""
+    name = record.get("vector_layer") if isinstance(record, dict) else None
+    return name if isinstance(name, str) else ""
+
+
+def _absolute(scene: bpy.types.Scene, path: str) -> Path:
+    return Path(bpy.path.abspath(path, library=scene.library))
+
+
+def _render_pattern(scene: bpy.types.Scene, view: str) -> Path:
+    render = scene.render
+    # Two frames whose digits all differ tell where Blender puts the number; the setting tells how many digits it has.
+    try:
+        one, two = (render.frame_path(frame=frame, view=view) for frame in (11111, 22222))
+    except RuntimeError as error:
+        raise ShotError(f"The output path of the scene cannot be used: {str(error).removeprefix('Error: ').strip()}") from None
+    differing = [i for i, (a, b) in enumerate(zip(one, two, strict=False)) if a != b]
+    if not differing:
+        raise ShotError(f"The output path {one} has no frame number")
+    end = differing[-1] + 1
+    runs = _HASHES.findall(re.split(r"[\\/]", render.filepath)[-1])
+    width = len(runs[-1]) if runs else 4
+    path = Path(one[: end - max(width, 5)] + "#" * width + one[end:])
+    # Also after the output was set to another format for the finished film, the frames are EXR files.
+    return path.with_suffix(".exr") if render.use_file_extension else path
+
+
+def _patterns_in(folder: Path) -> list[str]:
+    """The numbered EXR sequences in a folder, the longest first."""
+    try:
+        changed = folder.stat().st_mtime_ns
+        if folder not in _sequences or _sequences[folder][0] != changed:
+            matches = [match for path in folder.iterdir() if (match := _NUMBERED.match(path.name))]
+            counts = Counter(f"{m[1]}{'#' * len(m[2].lstrip('-'))}{m[3]}.exr" for m in matches)
+            _sequences[folder] = (changed, [name for name, _ in counts.most_common()])
+    except OSError:
+        return []
+    return _sequences[folder][1]

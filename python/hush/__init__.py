@@ -1,0 +1,24 @@
+"""Hush takes the noise out of Blender Cycles animations without flicker.
+
+For files: `denoise_sequence`, `plan_sequence`, `inspect`. For images in memory: `denoise` and `Denoiser`. `main` is the command line.
+"""
+
+from __future__ import annotations
+
+from ._command import main
+from ._hush import LAMBDA_RANGE, MAX_WINDOW, Denoised, Denoiser, HushError, __version__, denoise
+from ._sequence import denoise_sequence, inspect, plan_sequence
+
+__all__ = [
+    "LAMBDA_RANGE",
+    "MAX_WINDOW",
+    "Denoised",
+    "Denoiser",
+    "HushError",
+    "__version__",
+    "denoise",
+    "denoise_sequence",
+    "inspect",
+    "main",
+    "plan_sequence",
+]

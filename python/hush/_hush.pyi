@@ -1,0 +1,90 @@
+"""The half that is written in Rust. Private, but for what `hush` takes from it."""
+
+import os
+from collections.abc import Callable, Sequence
+from typing import Any, Final, TypeAlias, final
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = [
+    "LAMBDA_RANGE",
+    "MAX_WINDOW",
+    "Denoised",
+    "Denoiser",
+    "HushError",
+    "__version__",
+    "denoise",
+    "denoise_sequence",
+    "inspect",
+    "main",
+    "plan_sequence",
+]
+
+LAMBDA_RANGE: Final[tuple[float, float]]
+MAX_WINDOW: Final[int]
+__version__: Final[str]
+
+_Floats: TypeAlias = npt.NDArray[np.floating[Any]]
+_Image: TypeAlias = npt.NDArray[np.float32]
+_Path: TypeAlias = str | os.PathLike[str]
+
+class HushError(Exception): ...
+
+def denoise(
+    color: _Floats,
+    albedo: _Floats | None = None,
+    normal: _Floats | None = None,
+    depth: _Floats | None = None,
+    vector: _Floats | None = None,
+    *,
+    lam: float = 1.0,
+    out: _Image | None = None,
+    memory: int | None = None,
+    threads: int | None = None,
+    model: _Path | None = None,
+) -> _Image: ...
+@final
+class Denoised:
+    @property
+    def color(self) -> _Image: ...
+    @property
+    def aovs(self) -> dict[str, _Image]: ...
+    @property
+    def tag(self) -> Any: ...  # noqa: ANN401
+
+@final
+class Denoiser:
+    def __new__(
+        cls,
+        window: int = 2,
+        lam: float = 1.0,
+        *,
+        model: _Path | None = None,
+        memory: int | None = None,
+        threads: int | None = None,
+    ) -> Denoiser: ...
+    @property
+    def window(self) -> int: ...
+    @property
+    def lam(self) -> float: ...
+    @property
+    def pending(self) -> int: ...
+    def push(
+        self,
+        color: _Floats,
+        albedo: _Floats | None = None,
+        normal: _Floats | None = None,
+        depth: _Floats | None = None,
+        vector: _Floats | None = None,
+        *,
+        aovs: dict[str, _Floats] | None = None,
+        lam: float | None = None,
+        tag: object = None,
+    ) -> list[Denoised]: ...
+    def flush(self) -> list[Denoised]: ...
+
+def main(args: Sequence[str]) -> int: ...
+def inspect(path: _Path) -> str: ...
+def plan_sequence(options: dict[str, Any]) -> str: ...
+def denoise_sequence(options: dict[str, Any], progress: Callable[[str], object] | None, cancel: Callable[[], object] | None) -> str: ...

@@ -1,0 +1,69 @@
+//! All logits of a region at once, for comparisons: a run holds no more than a segment of them.
+
+use super::pairs::Neighbour;
+use super::predictor::Head;
+use crate::plan::tiles::Rect;
+use crate::simd::dense::SEGMENT;
+use crate::simd::lanes::{Lanes, dispatch};
+use crate::simd::{Activation, Isa};
+
+/// One pyramid level's logits, [output][row][column] of the head's resolution.
+pub(crate) struct RegionLogits {
+    pub rows: usize,
+    pub columns: usize,
+    /// Of the centre's head: what [`super::predictor::Predictor`] says, then nothing that means anything.
+    pub centre: Vec<f32>,
+    /// Of each neighbour's head.
+    pub pairs: Vec<Vec<f32>>,
+}
+
+impl RegionLogits {
+    /// What `head` predicts over a region, from the body's features over it.
+    pub fn new(isa: Isa, head: &Head, features: &Activation, neighbours: &[Neighbour], region: Rect) -> Self {
+        let (rows, columns) = (features.rows(), features.columns());
+        let buffers = head.buffers(neighbours.len());
+        let room = |len: usize| vec![0.0; len / SEGMENT * rows * columns];
+        let pairs = buffers.pairs.iter().map(|p| room(p.len())).collect();
+        let mut out = Self { rows, columns, centre: room(buffers.centre.len()), pairs };
+        for y in 0..rows {
+            logits_row(isa, head, features, neighbours, region, y, &mut out);
+        }
+        out
+    }
+
+    /// The logit of an output at a pixel.
+    pub fn at(&self, values: &[f32], output: usize, y: usize, x: usize) -> f32 {
+        values[(output * self.rows + y) * self.columns + x]
+    }
+
+    fn put(&mut self, x: usize, y: usize, segment: &[f32], pair: Option<usize>) {
+        let (rows, columns) = (self.rows, self.columns);
+        let to = pair.map_or(&mut self.centre, |n| &mut self.pairs[n]);
+        for (output, from) in segment.chunks_exact(SEGMENT).enumerate() {
+            let count = SEGMENT.min(columns - x);
+            to[(output * rows + y) * columns + x..][..count].copy_from_slice(&from[..count]);
+        }
+    }
+}
+
+#[inline(always)]
+fn logits_row_body<L: Lanes>(
+    l: L,
+    head: &Head,
+    features: &Activation,
+    neighbours: &[Neighbour],
+    region: Rect,
+    y: usize,
+    out: &mut RegionLogits,
+) {
+    let mut logits = head.buffers(neighbours.len());
+    for x in (0..features.columns()).step_by(SEGMENT) {
+        head.predict(l, features, neighbours, region, y, x, &mut logits);
+        out.put(x, y, &logits.centre, None);
+        logits.pairs.iter().enumerate().for_each(|(n, pair)| out.put(x, y, pair, Some(n)));
+    }
+}
+
+dispatch! {
+    fn logits_row(head: &Head, features: &Activation, neighbours: &[Neighbour], region: Rect, y: usize, out: &mut RegionLogits) = logits_row_body
+}

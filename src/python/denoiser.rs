@@ -1,0 +1,306 @@
+//! Frames in memory: one alone, or a window that slides over a shot.
+
+use std::collections::VecDeque;
+use std::path::PathBuf;
+use std::sync::{Mutex, OnceLock, PoisonError};
+
+use ndarray::Array3;
+use numpy::PyArray3;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use super::arrays::{Given, Out, Passes, color_of, to_numpy};
+use super::settings::{check_lam, check_window, engine};
+use crate::engine::{EncodedFrame, Engine};
+use crate::error::Result;
+use crate::simd::release_memory;
+
+/// The engine with the default settings, made at the first call.
+static DEFAULT: OnceLock<Engine> = OnceLock::new();
+
+/// Denoises one image by itself.
+///
+/// Args:
+///     color: Noisy image, (height, width, 3), or (height, width, 4) with alpha: scene-linear radiance. NaN and Inf are filled in,
+///         negative values read as 0.
+///     albedo: (height, width, 3), 0…1.
+///     normal: (height, width, 3), −1…1, camera space.
+///     depth: (height, width), 0 or 1e9 and more for the background.
+///     vector: (height, width, 4), pixels, as Cycles' Vector pass. It is checked and not used: a frame alone has no neighbours.
+///     lam: λ from 1 (cleanest) to 64 (keeps grain and the detail hidden in it).
+///     out: Where to put the result, a C-contiguous float32 array of color's shape; it may be color itself.
+///     memory: Bytes for the frame and the computing; None for 3.1 GiB. Less is slower and gives the same bits.
+///     threads: Threads, 1 to 4096; None for all cores. Any number gives the same bits.
+///     model: Other weights, a safetensors file. They are read at every call; a Denoiser reads them once.
+///
+/// Returns:
+///     The denoised image, float32, of color's shape; `out` where it was given.
+///
+/// float32 arrays are read where they lie, whatever their strides; float16 and float64 are converted, which copies them. The GIL is
+/// released while it works: leave the arrays as they are until it returns.
+///
+/// Raises:
+///     TypeError: No numpy array, or one of integers.
+///     ValueError: An array of the wrong shape, a setting out of range.
+///     OSError, HushError: The weights file cannot be read, or used.
+#[pyfunction]
+#[pyo3(signature = (color, albedo=None, normal=None, depth=None, vector=None, *, lam=1.0, out=None, memory=None, threads=None, model=None))]
+#[allow(clippy::too_many_arguments, reason = "keywords in Python")]
+pub fn denoise<'py>(
+    py: Python<'py>,
+    color: &Bound<'py, PyAny>,
+    albedo: Option<&Bound<'py, PyAny>>,
+    normal: Option<&Bound<'py, PyAny>>,
+    depth: Option<&Bound<'py, PyAny>>,
+    vector: Option<&Bound<'py, PyAny>>,
+    lam: f64,
+    out: Option<&Bound<'py, PyAny>>,
+    memory: Option<i64>,
+    threads: Option<i64>,
+    model: Option<PathBuf>,
+) -> PyResult<Py<PyAny>> {
+    let lam = check_lam(lam)?;
+    let passes = Passes::new(&Given { color, albedo, normal, depth, vector, aovs: None })?;
+    let own;
+    let engine = if (memory, threads, &model) == (None, None, &None) {
+        match DEFAULT.get() {
+            Some(engine) => engine,
+            None => {
+                let made = engine(py, None, None, None)?;
+                DEFAULT.get_or_init(|| made)
+            }
+        }
+    } else {
+        own = engine(py, model, memory, threads)?;
+        &own
+    };
+    let frame = passes.view()?;
+    let channels = if frame.alpha.is_some() { 4 } else { 3 };
+    let shape = [frame.size().0, frame.size().1, channels];
+    let work = move || -> Result<Array3<f32>> {
+        let denoised = engine.denoise(&engine.encode_view(&frame)?, &[], lam);
+        release_memory();
+        Ok(color_of(denoised?).0)
+    };
+    match out {
+        None => Ok(to_numpy(py, py.detach(work)?).into_any()),
+        Some(out) => {
+            if !out.is(color) {
+                Out::new(out, &shape)?;
+            }
+            let image = py.detach(work)?;
+            // The input may be the output: its memory is given back first.
+            drop(passes);
+            Out::new(out, &shape)?.view()?.assign(&image);
+            Ok(out.clone().unbind())
+        }
+    }
+}
+
+/// One denoised frame.
+#[pyclass(frozen, module = "hush", get_all)]
+pub struct Denoised {
+    /// float32, of the input's shape.
+    color: Py<PyArray3<f32>>,
+    /// Light passes by name, each (height, width, 3), float32.
+    aovs: Py<PyDict>,
+    /// What `push` was given; without, the frame's place among those pushed, from 0.
+    tag: Py<PyAny>,
+}
+
+#[pymethods]
+impl Denoised {
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        Ok(format!("<hush.Denoised tag={}>", self.tag.bind(py).repr()?))
+    }
+}
+
+/// Denoises the frames of a shot as they come, each with the help of those around it.
+///
+/// Give every frame to `push`, in order; each comes back once as many frames as the window is wide follow it. `flush` gives the rest at
+/// the end of the shot or at a cut. The results have the same bits as those of `denoise_sequence` over the same frames.
+///
+/// A neighbour helps where it has color's size and the same light passes, and where every frame from the one to be denoised to it came
+/// with motion vectors. It can be used from several threads; calls wait for each other. The GIL is released while it works.
+///
+/// Args:
+///     window: Frames on each side that help, 0 to 3.
+///     lam: λ where `push` says nothing else, from 1 (cleanest) to 64 (keeps grain and the detail hidden in it).
+///     model: Other weights, a safetensors file.
+///     memory: Bytes for the frames in the window and the computing; None for 3.1 GiB. Less is slower and gives the same bits.
+///     threads: Threads, 1 to 4096; None for all cores. Any number gives the same bits.
+///
+/// Raises:
+///     ValueError: A setting out of range.
+///     OSError, HushError: The weights file cannot be read, or used.
+#[pyclass(frozen, module = "hush")]
+pub struct Denoiser {
+    engine: Engine,
+    /// Frames on each side that help.
+    #[pyo3(get)]
+    window: usize,
+    /// λ where `push` says nothing else.
+    #[pyo3(get)]
+    lam: f32,
+    state: Mutex<State>,
+}
+
+/// The frames in the window.
+#[derive(Default)]
+struct State {
+    slots: VecDeque<Slot>,
+    /// Those at the front that are denoised already and stay as neighbours.
+    done: usize,
+    pushed: u64,
+}
+
+struct Slot {
+    encoded: EncodedFrame,
+    lam: f32,
+    tag: Option<Py<PyAny>>,
+    number: u64,
+}
+
+/// A result before it is Python's.
+struct Ready {
+    color: Array3<f32>,
+    aovs: Vec<(String, Array3<f32>)>,
+    tag: Option<Py<PyAny>>,
+    number: u64,
+}
+
+#[pymethods]
+impl Denoiser {
+    #[new]
+    #[pyo3(signature = (window=2, lam=1.0, *, model=None, memory=None, threads=None))]
+    fn new(
+        py: Python<'_>,
+        window: i64,
+        lam: f64,
+        model: Option<PathBuf>,
+        memory: Option<i64>,
+        threads: Option<i64>,
+    ) -> PyResult<Self> {
+        let (window, lam) = (check_window(window)?, check_lam(lam)?);
+        Ok(Self { engine: engine(py, model, memory, threads)?, window, lam, state: Mutex::default() })
+    }
+
+    /// Takes the next frame.
+    ///
+    /// Args:
+    ///     color: Noisy image, (height, width, 3), or (height, width, 4) with alpha: scene-linear radiance.
+    ///     albedo: (height, width, 3), 0…1.
+    ///     normal: (height, width, 3), −1…1, camera space.
+    ///     depth: (height, width), 0 or 1e9 and more for the background.
+    ///     vector: (height, width, 4), pixels, y up, as Cycles' Vector pass. X, Y: a point's place in the previous frame minus its
+    ///         place here; Z, W: its place here minus its place in the next frame.
+    ///     aovs: Light passes by name, each (height, width, 3), linear: parts of color that get its kernels.
+    ///     lam: λ of this frame.
+    ///     tag: Anything; it comes back with the result.
+    ///
+    /// float32 arrays are read where they lie and not kept; float16 and float64 are converted.
+    ///
+    /// Returns:
+    ///     The frames that are ready now, in order: none while the window fills, one afterwards.
+    ///
+    /// Raises:
+    ///     TypeError, ValueError: As `denoise`; the frame is not taken.
+    #[pyo3(signature = (color, albedo=None, normal=None, depth=None, vector=None, *, aovs=None, lam=None, tag=None))]
+    #[allow(clippy::too_many_arguments, reason = "keywords in Python")]
+    fn push<'py>(
+        &self,
+        py: Python<'py>,
+        color: &Bound<'py, PyAny>,
+        albedo: Option<&Bound<'py, PyAny>>,
+        normal: Option<&Bound<'py, PyAny>>,
+        depth: Option<&Bound<'py, PyAny>>,
+        vector: Option<&Bound<'py, PyAny>>,
+        aovs: Option<&Bound<'py, PyDict>>,
+        lam: Option<f64>,
+        tag: Option<Py<PyAny>>,
+    ) -> PyResult<Vec<Denoised>> {
+        let lam = lam.map_or(Ok(self.lam), check_lam)?;
+        let passes = Passes::new(&Given { color, albedo, normal, depth, vector, aovs })?;
+        let frame = passes.view()?;
+        let ready = py.detach(move || {
+            let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+            let encoded = self.engine.encode_view(&frame)?;
+            let number = state.pushed;
+            state.slots.push_back(Slot { encoded, lam, tag, number });
+            state.pushed += 1;
+            state.advance(&self.engine, self.window, self.window)
+        });
+        to_python(py, ready?)
+    }
+
+    /// Denoises the frames that still wait, and forgets all: the next frame begins a new shot.
+    ///
+    /// Returns:
+    ///     The frames, in order; as many as the window is wide, or fewer.
+    fn flush(&self, py: Python<'_>) -> PyResult<Vec<Denoised>> {
+        let ready = py.detach(|| {
+            let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+            let ready = state.advance(&self.engine, self.window, 0);
+            state.clear();
+            ready
+        });
+        to_python(py, ready?)
+    }
+
+    /// Frames that were pushed and have not come back yet.
+    #[getter]
+    fn pending(&self, py: Python<'_>) -> usize {
+        py.detach(|| {
+            let state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+            state.slots.len() - state.done
+        })
+    }
+}
+
+impl Drop for Denoiser {
+    fn drop(&mut self) {
+        self.state.get_mut().unwrap_or_else(PoisonError::into_inner).clear();
+    }
+}
+
+impl State {
+    fn clear(&mut self) {
+        (self.slots, self.done) = (VecDeque::new(), 0);
+        release_memory();
+    }
+
+    /// Denoises the frames that at least `ahead` frames follow, and lets go of those that help no more.
+    fn advance(&mut self, engine: &Engine, window: usize, ahead: usize) -> Result<Vec<Ready>> {
+        let mut ready = Vec::new();
+        while self.done + ahead < self.slots.len() {
+            let centre = &self.slots[self.done];
+            let offset = |i: usize| i as i32 - self.done as i32;
+            let near = self.slots.iter().enumerate().map(|(i, slot)| (offset(i), &slot.encoded));
+            let around: Vec<_> = near.filter(|(o, _)| *o != 0 && o.unsigned_abs() as usize <= window).collect();
+            let (color, aovs) = color_of(engine.denoise(&centre.encoded, &around, centre.lam)?);
+            let centre = &mut self.slots[self.done];
+            ready.push(Ready { color, aovs, tag: centre.tag.take(), number: centre.number });
+            self.done += 1;
+            if self.done > window {
+                self.slots.pop_front();
+                self.done -= 1;
+            }
+        }
+        Ok(ready)
+    }
+}
+
+fn to_python(py: Python<'_>, ready: Vec<Ready>) -> PyResult<Vec<Denoised>> {
+    let one = |ready: Ready| -> PyResult<Denoised> {
+        let aovs = PyDict::new(py);
+        for (name, image) in ready.aovs {
+            aovs.set_item(name, to_numpy(py, image))?;
+        }
+        let tag = match ready.tag {
+            Some(tag) => tag,
+            None => ready.number.into_pyobject(py)?.into_any().unbind(),
+        };
+        Ok(Denoised { color: to_numpy(py, ready.color), aovs: aovs.unbind(), tag })
+    };
+    ready.into_iter().map(one).collect()
+}

@@ -1,0 +1,125 @@
+//! The settings worth choosing between.
+
+use serde::Serialize;
+
+use crate::engine::LEVELS;
+use crate::plan::skip::Skip;
+use crate::plan::window::{DEFAULT_WINDOW, MAX_WINDOW};
+
+/// How a frame is denoised.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(tag = "by", rename_all = "snake_case")]
+pub enum Method {
+    /// Not at all: the picture as it was rendered.
+    Noisy,
+    /// Hush.
+    Hush {
+        /// Frames on each side.
+        window: usize,
+        /// The dial.
+        lambda: f32,
+        /// Levels of the kernels' pyramid.
+        levels: usize,
+        /// Whether the default rules leave work out.
+        skipping: bool,
+    },
+    /// Open Image Denoise, quality high, with albedo and normal.
+    Oidn,
+}
+
+/// Candidates of one kind differ in one setting; they share a colour.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    Noisy,
+    Window,
+    Levels,
+    Skipping,
+    Lambda,
+    Oidn,
+}
+
+/// One setting to measure.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Candidate {
+    /// Short, unique.
+    pub name: String,
+    /// What it differs in from the default.
+    pub kind: Kind,
+    /// Whether it is the default setting.
+    pub default: bool,
+    /// What to do.
+    pub method: Method,
+}
+
+impl Candidate {
+    /// The frames that it looks at on each side.
+    pub fn window(&self) -> usize {
+        if let Method::Hush { window, .. } = self.method { window } else { 0 }
+    }
+
+    /// What Hush leaves out for it.
+    pub fn skip(&self) -> Skip {
+        if matches!(self.method, Method::Hush { skipping: false, .. }) { Skip::NONE } else { Skip::default() }
+    }
+}
+
+/// All candidates for a shot with or without motion vectors: the noisy picture first, then the default.
+pub fn candidates(vectors: bool, oidn: bool) -> Vec<Candidate> {
+    let base = if vectors { DEFAULT_WINDOW } else { 0 };
+    let hush = |name: String, kind: Kind, window: usize, lambda: f32, levels: usize, skipping: bool| Candidate {
+        name,
+        kind,
+        default: (window, lambda, levels, skipping) == (base, 1.0, LEVELS, true),
+        method: Method::Hush { window, lambda, levels, skipping },
+    };
+    let plain = |name: &str, kind: Kind, method: Method| Candidate { name: name.into(), kind, default: false, method };
+    let mut out = vec![plain("noisy", Kind::Noisy, Method::Noisy)];
+    out.push(hush(format!("window {base}"), Kind::Window, base, 1.0, LEVELS, true));
+    let others = (0..=if vectors { MAX_WINDOW } else { 0 }).filter(|w| *w != base);
+    out.extend(others.map(|w| hush(format!("window {w}"), Kind::Window, w, 1.0, LEVELS, true)));
+    for levels in (1..LEVELS).rev() {
+        let name = format!("{levels} level{}", if levels == 1 { "" } else { "s" });
+        out.push(hush(name, Kind::Levels, base, 1.0, levels, true));
+    }
+    out.push(hush("no skipping".into(), Kind::Skipping, base, 1.0, LEVELS, false));
+    out.extend([4.0, 16.0].map(|lambda| hush(format!("λ {lambda}"), Kind::Lambda, base, lambda, LEVELS, true)));
+    if oidn {
+        out.push(plain("OIDN", Kind::Oidn, Method::Oidn));
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_setting_is_there_once() {
+        let all = candidates(true, true);
+        let names: Vec<&str> = all.iter().map(|c| c.name.as_str()).collect();
+        let expected = [
+            "noisy",
+            "window 2",
+            "window 0",
+            "window 1",
+            "window 3",
+            "2 levels",
+            "1 level",
+            "no skipping",
+            "λ 4",
+            "λ 16",
+            "OIDN",
+        ];
+        assert_eq!(names, expected);
+        assert_eq!(all.iter().filter(|c| c.default).count(), 1);
+        assert!(all[1].default && all[4].window() == 3 && all[7].skip() == Skip::NONE);
+    }
+
+    #[test]
+    fn without_vectors_no_window_is_wider_than_none() {
+        let all = candidates(false, false);
+        assert!(all.iter().all(|c| c.window() == 0 && c.kind != Kind::Oidn));
+        assert!(all[1].default && all[1].name == "window 0");
+    }
+}

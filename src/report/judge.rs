@@ -1,0 +1,256 @@
+//! The errors of a frame's results: against its reference where there is one, else estimated from noisy frames around it.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use ndarray::Array3;
+
+use super::candidates::{Candidate, Method};
+use super::estimate::{Estimate, Observed, Unseen};
+use super::record::{Basis, Check, ERRORS, EstimateNote};
+use crate::error::{Error, Result};
+use crate::frame::Frame;
+use crate::metrics::images::read;
+use crate::metrics::pair::REFERENCE_MEAN;
+use crate::metrics::{EvaluateOptions, Pair, Scaling, flicker, relmse, smape};
+use crate::plan::window::MAX_WINDOW;
+use crate::shot::Scope;
+
+/// The farthest frame that an estimate looks at: one behind the widest window.
+pub const REACH: usize = MAX_WINDOW + 1;
+
+/// The errors of one candidate's frame, as [`Basis::titles`] says.
+pub struct Verdict {
+    pub errors: [Option<f64>; ERRORS],
+}
+
+/// A frame being judged, or the one before it.
+struct Current {
+    number: i64,
+    reference: Option<Array3<f32>>,
+    vector: Option<Array3<f32>>,
+    observed: Option<Observed>,
+    /// The references around it, for the noise of its own.
+    truth: Option<Observed>,
+    gain: f32,
+    outputs: Vec<Option<Array3<f32>>>,
+}
+
+/// What was estimated of one candidate.
+#[derive(Default, Clone)]
+struct Seen {
+    estimates: Vec<Estimate>,
+    measured: Vec<f64>,
+    noise: Vec<f64>,
+}
+
+/// Judges frame after frame.
+pub struct Judge<'a> {
+    scope: &'a Scope,
+    references: Option<BTreeMap<i64, PathBuf>>,
+    files: EvaluateOptions,
+    distance: Option<usize>,
+    windows: Vec<usize>,
+    current: Option<Current>,
+    previous: Option<Current>,
+    seen: Vec<Seen>,
+    unseen: Option<Unseen>,
+}
+
+impl<'a> Judge<'a> {
+    /// For these frames and candidates.
+    pub fn new(
+        scope: &'a Scope,
+        references: Option<BTreeMap<i64, PathBuf>>,
+        files: EvaluateOptions,
+        frames: &[i64],
+        candidates: &[Candidate],
+    ) -> Self {
+        let windows: Vec<usize> = candidates.iter().map(Candidate::window).collect();
+        let farthest = windows.iter().max().map_or(1, |w| (w + 1).min(REACH));
+        let reached = |k: usize| frames.iter().filter(|n| scope.around(**n, k).len() == 2 * k).count();
+        // One frame alone says little: rather two judged from nearer by, and the widest windows not at all.
+        let distance = [2, 1].into_iter().find_map(|least| (1..=farthest).rev().find(|k| reached(*k) >= least));
+        let seen = vec![Seen::default(); candidates.len()];
+        Self { scope, references, files, distance, windows, current: None, previous: None, seen, unseen: None }
+    }
+
+    /// What the errors mean.
+    pub fn basis(&self) -> Basis {
+        if self.references.is_some() { Basis::Reference } else { Basis::Estimate }
+    }
+
+    /// The reference of the frame being judged.
+    pub fn reference(&self) -> Option<&Array3<f32>> {
+        self.current.as_ref()?.reference.as_ref()
+    }
+
+    /// Begins with a frame.
+    ///
+    /// # Errors
+    /// Its reference cannot be read or has another size.
+    pub fn open(&mut self, number: i64, frame: &Frame) -> Result<()> {
+        self.previous = self.current.take().filter(|c| c.number + 1 == number);
+        let reference = self.picture(number)?;
+        if let (Some(reference), Some(path)) = (&reference, self.references.as_ref().and_then(|r| r.get(&number))) {
+            let ((rows, columns), (found_rows, found_columns, _)) = (frame.size(), reference.dim());
+            if (rows, columns) != (found_rows, found_columns) {
+                let what = path.display().to_string();
+                return Err(Error::SizeMismatch { what, columns, rows, found_columns, found_rows });
+            }
+        }
+        let (observed, truth) = match self.look(number) {
+            Ok((observed, truth)) => (Some(observed), truth),
+            Err(why) => {
+                self.unseen = self.unseen.or(why);
+                (None, None)
+            }
+        };
+        let sum: f64 = frame.colour.iter().filter(|v| v.is_finite()).map(|v| f64::from(v.max(0.0))).sum();
+        let gain = (REFERENCE_MEAN / (sum / frame.colour.len() as f64).max(1e-6)) as f32;
+        let vector = frame.vector.clone();
+        self.current = Some(Current { number, reference, vector, observed, truth, gain, outputs: Vec::new() });
+        Ok(())
+    }
+
+    /// The reference of a frame, if it has one.
+    fn picture(&self, number: i64) -> Result<Option<Array3<f32>>> {
+        let path = self.references.as_ref().and_then(|r| r.get(&number));
+        path.map(|path| Ok(read(path, false, &self.files)?.colour)).transpose()
+    }
+
+    /// The frame seen from the noisy frames around it; and from the references next to it, if there are any.
+    #[allow(clippy::type_complexity)]
+    fn look(&self, number: i64) -> Result<(Observed, Option<Observed>), Option<Unseen>> {
+        let k = self.distance.ok_or(Some(Unseen::NoWay))? as i64;
+        if self.scope.around(number, k as usize).len() as i64 != 2 * k {
+            return Err(None);
+        }
+        let mut frames = Vec::new();
+        for n in number - k..=number + k {
+            let read = self.scope.read(n).ok().and_then(|views| views.into_iter().next());
+            let mut frame = read.ok_or(None)?;
+            if (2..k).contains(&(n - number).abs()) {
+                // Only the way leads through it.
+                (frame.albedo, frame.normal, frame.depth) = (None, None, None);
+            }
+            frames.push(frame);
+        }
+        let ends = [frames[0].colour.view(), frames[2 * k as usize].colour.view()];
+        let observed = Observed::new(&frames, ends).map_err(Some)?;
+        let next = [number - 1, number + 1].map(|n| self.picture(n).ok().flatten());
+        let truth = match &next {
+            [Some(before), Some(after)] => {
+                let near = &frames[k as usize - 1..=k as usize + 1];
+                Observed::new(near, [before.view(), after.view()]).ok().map(|truth| truth.narrowed(&observed))
+            }
+            _ => None,
+        };
+        Ok((observed, truth))
+    }
+
+    /// The errors of every candidate's picture.
+    pub fn judge(&mut self, outputs: &[Option<Array3<f32>>]) -> Result<Vec<Verdict>> {
+        let Some(current) = &self.current else { return Ok(Vec::new()) };
+        let mut verdicts = Vec::with_capacity(outputs.len());
+        for (i, output) in outputs.iter().enumerate() {
+            let Some(output) = output else {
+                verdicts.push(Verdict { errors: [None; ERRORS] });
+                continue;
+            };
+            let near = self.distance.is_some_and(|k| self.windows[i] < k);
+            let estimate = current.observed.as_ref().filter(|_| near).map(|o| o.estimate(output.view()));
+            if let (Some(estimate), Some(observed)) = (estimate, &current.observed) {
+                let seen = &mut self.seen[i];
+                seen.estimates.push(estimate);
+                if let Some(reference) = &current.reference {
+                    let on = current.truth.as_ref().unwrap_or(observed);
+                    seen.measured.push(on.measure(output.view(), reference.view()));
+                    seen.noise.extend(current.truth.as_ref().map(|t| t.noise_of(reference.view(), output.view())));
+                }
+            }
+            let before = self.previous.as_ref().and_then(|p| Some((p, p.outputs.get(i)?.as_ref()?)));
+            let before = before.filter(|(_, picture)| picture.dim() == output.dim());
+            let errors = match &current.reference {
+                Some(reference) => against(reference, output, current, before)?,
+                None => [None, estimate.map(|e| e.relmse), change(output, current, before)?],
+            };
+            verdicts.push(Verdict { errors });
+        }
+        Ok(verdicts)
+    }
+
+    /// Ends with a frame; its pictures are the ones before the next one's.
+    pub fn close(&mut self, outputs: Vec<Option<Array3<f32>>>) {
+        if let Some(current) = &mut self.current {
+            current.outputs = outputs;
+        }
+    }
+
+    /// How the estimates were made, how far off they were, and what is to be said.
+    pub fn finish(&self, candidates: &[Candidate]) -> (Option<EstimateNote>, Vec<Check>, Vec<String>) {
+        let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
+        let deviation = |s: &Seen| s.estimates.iter().map(|e| e.deviation.powi(2)).sum::<f64>().sqrt() / s.estimates.len() as f64;
+        let estimated =
+            || candidates.iter().zip(&self.seen).filter(|(c, s)| c.method != Method::Noisy && !s.estimates.is_empty());
+        let checks = estimated().filter(|(_, s)| !s.measured.is_empty()).map(|(candidate, s)| Check {
+            name: candidate.name.clone(),
+            estimated: mean(&s.estimates.iter().map(|e| e.relmse).collect::<Vec<_>>()),
+            deviation: deviation(s),
+            measured: mean(&s.measured),
+            reference_noise: (s.noise.len() == s.measured.len()).then(|| mean(&s.noise)),
+        });
+        let note = estimated().next().map(|(_, first)| EstimateNote {
+            distance: self.distance.unwrap_or(0),
+            frames: first.estimates.len(),
+            share: mean(&first.estimates.iter().map(|e| e.share).collect::<Vec<_>>()),
+            deviation: estimated().map(|(_, s)| deviation(s)).fold(0.0, f64::max),
+        });
+        let mut remarks = Vec::new();
+        if self.basis() == Basis::Estimate {
+            let why = match self.unseen {
+                _ if note.is_some() => None,
+                Some(Unseen::SameNoise) => Some("the frames share one noise pattern: animate the seed"),
+                Some(Unseen::Lost) => Some("hardly any pixel can be followed through the frames"),
+                Some(Unseen::NoWay) => Some("there are no motion vectors to follow"),
+                None => Some("no frame has enough readable frames before and after it"),
+            };
+            remarks.extend(why.map(|why| format!("The error could not be estimated: {why}.")));
+            let wide = self.windows.iter().filter(|w| self.distance.is_some_and(|k| **w >= k)).max();
+            if let (Some(wide), Some(_)) = (wide, &note) {
+                remarks.push(format!(
+                    "Window {wide} has no estimate: the shot is too short to leave frames outside it to judge by."
+                ));
+            }
+        }
+        (note, checks.collect(), remarks)
+    }
+}
+
+/// SMAPE, relMSE and flicker.
+fn against(
+    reference: &Array3<f32>,
+    output: &Array3<f32>,
+    current: &Current,
+    before: Option<(&Current, &Array3<f32>)>,
+) -> Result<[Option<f64>; ERRORS]> {
+    let pair = Pair::new(reference.view(), output.view(), Scaling::ReferenceMean)?;
+    let mut unsteady = None;
+    if let Some((previous, picture)) = before
+        && let Some(reference) = &previous.reference
+    {
+        let previous = Pair::new(reference.view(), picture.view(), Scaling::ReferenceMean)?;
+        unsteady = flicker(&previous, &pair, current.vector.as_ref().map(|v| v.view()))?;
+    }
+    Ok([Some(smape(&pair)), Some(relmse(&pair)), unsteady])
+}
+
+/// How much the picture changes along the motion: flicker beside a black reference.
+fn change(output: &Array3<f32>, current: &Current, before: Option<(&Current, &Array3<f32>)>) -> Result<Option<f64>> {
+    let Some((_, picture)) = before else { return Ok(None) };
+    let (black, gain) = (Array3::zeros(output.dim()), current.gain);
+    let (now, then) = (output.mapv(|v| v * gain), picture.mapv(|v| v * gain));
+    let previous = Pair::new(black.view(), then.view(), Scaling::None)?;
+    let pair = Pair::new(black.view(), now.view(), Scaling::None)?;
+    flicker(&previous, &pair, current.vector.as_ref().map(|v| v.view()))
+}

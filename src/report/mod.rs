@@ -1,0 +1,31 @@
+//! `hush report`: error against run time for the settings worth choosing between, as one page that needs nothing beside it.
+//!
+//! [`measure()`] runs a shot through every setting in turn; [`write()`] puts the page, its plots and its numbers into a folder.
+
+mod axes;
+mod candidates;
+mod crops;
+mod drawing;
+pub mod estimate;
+mod files;
+mod judge;
+mod machine;
+mod measure;
+mod oidn;
+mod page;
+mod pfm;
+mod plots;
+mod raster;
+mod record;
+mod soundness;
+mod statistics;
+
+pub use candidates::{Candidate, Kind, Method};
+pub use crops::{CropSet, Picture};
+pub use files::{PAGE, prepare, write};
+pub use judge::REACH;
+pub use machine::Machine;
+pub use measure::{FRAMES, Measured, Options, measure};
+pub use oidn::Oidn;
+pub use record::{Basis, Check, EstimateNote, FrameErrors, Report, Row};
+pub use statistics::{Spread, pareto};

@@ -1,0 +1,224 @@
+//! The three pictures of a report: error against time, error by frame, where the time goes.
+
+use super::axes::{Label, Panel, SMALL, number, place, range, stack};
+use super::candidates::{Candidate, Kind, Method};
+use super::drawing::{Anchor, Drawing, Group, Ink, Shape};
+use super::raster::text_width;
+use super::record::{Basis, ERRORS, Report, Row};
+use crate::engine::LEVELS;
+use crate::engine::STAGES;
+
+/// Everything is drawn this wide.
+const WIDTH: f64 = 900.0;
+const LEFT: f64 = 70.0;
+/// The inks of stages.
+const STAGE_INKS: [usize; STAGES.len()] = [0, 5, 7, 1, 8, 10, 11];
+
+/// The colour of a candidate.
+pub fn ink(candidate: &Candidate) -> Ink {
+    Ink::Series(match (candidate.kind, candidate.method) {
+        (Kind::Noisy, _) => 0,
+        (Kind::Window, Method::Hush { window: 0, .. }) if !candidate.default => 2,
+        (Kind::Window, Method::Hush { window: 1, .. }) => 3,
+        (Kind::Window, Method::Hush { window: 3, .. }) => 4,
+        (Kind::Window, _) => 1,
+        (Kind::Levels, Method::Hush { levels, .. }) if levels + 1 < LEVELS => 6,
+        (Kind::Levels, _) => 5,
+        (Kind::Skipping, _) => 7,
+        (Kind::Lambda, Method::Hush { lambda, .. }) if lambda > 8.0 => 9,
+        (Kind::Lambda, _) => 8,
+        (Kind::Oidn, _) => 10,
+    })
+}
+
+/// What a drawing is about, under its title.
+fn heading(report: &Report, title: &str, more: &str) -> Vec<Shape> {
+    let frames = report.frames.len();
+    let what = format!(
+        "{}, {}×{}, {frames} frame{} × {} repeat{}. {more}",
+        report.sequence,
+        report.columns,
+        report.rows,
+        if frames == 1 { "" } else { "s" },
+        report.repeats,
+        if report.repeats == 1 { "" } else { "s" }
+    );
+    let text = |y: f64, size: f64, text: String, ink: Ink| Shape::Text { x: 20.0, y, text, size, anchor: Anchor::Start, ink };
+    vec![text(26.0, 17.0, title.into(), Ink::Text), text(46.0, SMALL, what, Ink::Muted)]
+}
+
+/// The errors that there is anything to show of.
+fn shown(report: &Report) -> Vec<(usize, &'static str)> {
+    let titles = report.basis.titles();
+    let has = |e: &usize| report.rows_by_setting.iter().any(|r| r.point(*e, report.basis).is_some());
+    (0..ERRORS).filter(has).filter_map(|e| Some((e, titles[e]?))).collect()
+}
+
+/// A row in one line, for pointing at.
+fn tip(row: &Row, report: &Report) -> String {
+    let mut parts = vec![row.candidate.name.clone()];
+    parts.extend(row.seconds.map(|s| format!("{} s a frame ({}–{})", number(s.median), number(s.low), number(s.high))));
+    for (e, title) in shown(report) {
+        parts.extend(row.error(e, report.basis).map(|v| format!("{title} {}", number(v))));
+    }
+    parts.join(" · ")
+}
+
+/// Error against time, a panel for each error; with nothing to compare with, times alone.
+pub fn error_against_time(report: &Report) -> Drawing {
+    let panels = shown(report);
+    let height = 250.0;
+    let spread =
+        if report.basis == Basis::Estimate { "Error: estimated mean. " } else { "Error: median and quartiles over the frames. " };
+    let about = format!("{spread}Time: median, least and greatest of the repeats.");
+    let mut drawing = Drawing::new(WIDTH, 66.0 + (height + 70.0) * panels.len().max(1) as f64, "Error against time a frame");
+    drawing.add(heading(report, "Error against time: lower and further left is better", &about));
+    let times = report.rows_by_setting.iter().filter_map(|r| r.seconds);
+    let x = range(times.flat_map(|s| [s.low, s.high]), true);
+    if panels.is_empty() {
+        let text = "There is no error to show; the table has the times.".to_string();
+        drawing.add([Shape::Text { x: 20.0, y: 90.0, text, size: SMALL, anchor: Anchor::Start, ink: Ink::Muted }]);
+    }
+    for (n, (e, title)) in panels.into_iter().enumerate() {
+        let bars = report.basis == Basis::Reference || e != 1;
+        let of = |row: &Row| {
+            let (seconds, error) = (row.seconds?, row.errors[e]?);
+            Some((seconds, error, row.error(e, report.basis)?))
+        };
+        let rows: Vec<(usize, &Row)> = report.rows_by_setting.iter().enumerate().filter(|(_, r)| of(r).is_some()).collect();
+        let values = rows.iter().filter_map(|(_, r)| of(r)).flat_map(|(_, s, v)| if bars { [s.low, s.high] } else { [v, v] });
+        let top = 96.0 + (height + 70.0) * n as f64;
+        let panel = Panel { left: LEFT, top, width: WIDTH - LEFT - 30.0, height, x, y: range(values, false) };
+        drawing.add(panel.frame("seconds a frame", title, false));
+        drawing.add(front(report, e, &panel));
+        let spots: Vec<(f64, f64)> = rows.iter().filter_map(|(_, r)| of(r).map(|(t, _, v)| panel.at(t.median, v))).collect();
+        let labels: Vec<Label> = rows
+            .iter()
+            .zip(&spots)
+            .map(|((_, row), at)| Label { at: *at, text: row.candidate.name.clone(), ink: Ink::Text })
+            .collect();
+        let words = place(&labels, WIDTH - 20.0, (top - 4.0, top + height));
+        // Spreads, then words, then discs: a word's halo may cover another's line, never its disc.
+        for (i, row) in &rows {
+            let (Some((time, error, value)), ink) = (of(row), ink(&row.candidate)) else { continue };
+            let line = |from, to| Shape::Line { points: vec![from, to], ink, width: 1.5, dashed: false };
+            let mut shapes = vec![line(panel.at(time.low, value), panel.at(time.high, value))];
+            if bars {
+                shapes.push(line(panel.at(time.median, error.low), panel.at(time.median, error.high)));
+            }
+            drawing.groups.push(Group { row: Some(*i), title: None, shapes });
+        }
+        drawing.groups.extend(rows.iter().zip(words).map(|((i, _), shapes)| Group { row: Some(*i), title: None, shapes }));
+        for ((i, row), (x, y)) in rows.into_iter().zip(spots) {
+            let (ink, mut shapes) = (ink(&row.candidate), Vec::new());
+            shapes.push(Shape::Disc { x, y, radius: 5.0, ink, hollow: false });
+            if row.candidate.default {
+                shapes.push(Shape::Disc { x, y, radius: 8.5, ink, hollow: true });
+            }
+            drawing.groups.push(Group { row: Some(i), title: Some(tip(row, report)), shapes });
+        }
+    }
+    drawing
+}
+
+/// The front as steps, and what it is called.
+fn front(report: &Report, e: usize, panel: &Panel) -> Vec<Shape> {
+    let on = report.rows_by_setting.iter().filter(|r| r.front[e]);
+    let mut points: Vec<(f64, f64)> = on.filter_map(|r| r.point(e, report.basis)).collect();
+    points.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (Some(first), Some(last)) = (points.first().copied(), points.last().copied()) else { return Vec::new() };
+    let mut steps = vec![panel.at(first.0, panel.y.1)];
+    for (i, p) in points.iter().enumerate() {
+        if i > 0 {
+            steps.push(panel.at(p.0, points[i - 1].1));
+        }
+        steps.push(panel.at(p.0, p.1));
+    }
+    steps.push(panel.at(panel.x.1, last.1));
+    let (x, y) = (panel.left + panel.width, panel.top - 10.0);
+    let text = "Pareto front: nothing is both faster and better".to_string();
+    vec![
+        Shape::Line { points: steps, ink: Ink::Front, width: 2.0, dashed: true },
+        Shape::Line {
+            points: vec![(x - text_width(&text, SMALL) - 40.0, y - 4.0), (x - text_width(&text, SMALL) - 8.0, y - 4.0)],
+            ink: Ink::Front,
+            width: 2.0,
+            dashed: true,
+        },
+        Shape::Text { x, y, text, size: SMALL, anchor: Anchor::End, ink: Ink::Muted },
+    ]
+}
+
+/// Error by frame, a line a candidate.
+pub fn by_frame(report: &Report) -> Drawing {
+    let panels = shown(report);
+    let height = 210.0;
+    let mut drawing = Drawing::new(WIDTH, 66.0 + (height + 70.0) * panels.len().max(1) as f64, "Error by frame");
+    drawing.add(heading(report, "Error by frame", "Noisy and no skipping are left out."));
+    let frames = report.frames.iter().map(|f| *f as f64);
+    let (low, high) = frames.fold((f64::INFINITY, f64::NEG_INFINITY), |a, f| (a.0.min(f), a.1.max(f)));
+    for (n, (e, title)) in panels.into_iter().enumerate() {
+        let drawn = |row: &Row| !matches!(row.candidate.kind, Kind::Noisy | Kind::Skipping);
+        let rows: Vec<(usize, &Row)> = report.rows_by_setting.iter().enumerate().filter(|(_, r)| drawn(r)).collect();
+        let values = rows.iter().flat_map(|(_, r)| r.by_frame.iter().filter_map(|f| f.errors[e]));
+        let top = 96.0 + (height + 70.0) * n as f64;
+        let x = if high > low { (low, high) } else { (low - 1.0, low + 1.0) };
+        let panel = Panel { left: LEFT, top, width: WIDTH - LEFT - 130.0, height, x, y: range(values, false) };
+        drawing.add(panel.frame("frame", title, true));
+        let points = |row: &Row| -> Vec<(f64, f64)> {
+            row.by_frame.iter().filter_map(|f| Some(panel.at(f.frame as f64, f.errors[e]?))).collect()
+        };
+        let (rows, ends): (Vec<_>, Vec<_>) =
+            rows.into_iter().filter_map(|(i, r)| points(r).last().map(|end| ((i, r), *end))).unzip();
+        let heights = stack(&ends.iter().map(|(_, y)| *y).collect::<Vec<_>>(), 14.0, (top - 4.0, top + height + 4.0));
+        for (((i, row), (end, y)), height) in rows.into_iter().zip(ends).zip(heights) {
+            let (ink, points) = (ink(&row.candidate), points(row));
+            let (width, text) = (if row.candidate.default { 3.0 } else { 1.5 }, row.candidate.name.clone());
+            let lead = vec![(end, y), (end + 22.0, height)];
+            let mut shapes = vec![
+                Shape::Line { points: lead, ink: Ink::Front, width: 1.0, dashed: false },
+                Shape::Text { x: end + 26.0, y: height + 4.0, text, size: SMALL, anchor: Anchor::Start, ink: Ink::Text },
+            ];
+            shapes.extend(points.iter().map(|(x, y)| Shape::Disc { x: *x, y: *y, radius: 2.5, ink, hollow: false }));
+            shapes.push(Shape::Line { points, ink, width, dashed: false });
+            drawing.groups.push(Group { row: Some(i), title: Some(tip(row, report)), shapes });
+        }
+    }
+    drawing
+}
+
+/// Seconds a frame by stage, a bar a candidate of Hush.
+pub fn by_stage(report: &Report) -> Drawing {
+    let rows: Vec<(usize, &Row)> = report.rows_by_setting.iter().enumerate().filter(|(_, r)| r.stages.is_some()).collect();
+    let mut drawing = Drawing::new(WIDTH, 120.0 + 30.0 * rows.len() as f64, "Seconds a frame in each stage");
+    drawing.add(heading(report, "Where the time goes", "Mean seconds a frame."));
+    let mut x = 20.0;
+    for (stage, ink) in STAGES.into_iter().zip(STAGE_INKS) {
+        let text = stage.name().to_string();
+        let width = text_width(&text, SMALL);
+        drawing.add([
+            Shape::Bar { x, y: 61.0, width: 12.0, height: 12.0, ink: Ink::Series(ink) },
+            Shape::Text { x: x + 17.0, y: 71.5, text, size: SMALL, anchor: Anchor::Start, ink: Ink::Text },
+        ]);
+        x += width + 40.0;
+    }
+    let total = |row: &Row| row.stages.map_or(0.0, |s| s.iter().sum::<f64>());
+    let most = rows.iter().map(|(_, r)| total(r)).fold(1e-12, f64::max);
+    let (left, full) = (120.0, WIDTH - 120.0 - 90.0);
+    for (n, (i, row)) in rows.into_iter().enumerate() {
+        let y = 92.0 + 30.0 * n as f64;
+        let text =
+            |x: f64, text: String, anchor: Anchor, ink: Ink| Shape::Text { x, y: y + 15.0, text, size: SMALL, anchor, ink };
+        let mut shapes = vec![text(left - 10.0, row.candidate.name.clone(), Anchor::End, Ink::Text)];
+        let (mut x, mut parts) = (left, Vec::new());
+        for ((seconds, stage), ink) in row.stages.iter().flatten().zip(STAGES).zip(STAGE_INKS) {
+            let width = seconds / most * full;
+            shapes.push(Shape::Bar { x, y, width: width.max(0.05), height: 20.0, ink: Ink::Series(ink) });
+            parts.push(format!("{} {:.0} %", stage.name(), 100.0 * seconds / total(row).max(1e-12)));
+            x += width;
+        }
+        shapes.push(text(x + 8.0, format!("{} s", number(total(row))), Anchor::Start, Ink::Muted));
+        drawing.groups.push(Group { row: Some(i), title: Some(format!("{}: {}", row.candidate.name, parts.join(", "))), shapes });
+    }
+    drawing
+}

@@ -1,0 +1,172 @@
+"""Check Shot finds what is not right, says it in words, and its fixes take it away."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+
+import bpy
+import kit
+
+check = importlib.import_module(f"{kit.MODULE}.check")
+
+
+def found(scene: bpy.types.Scene) -> dict[str, str]:
+    """Keys and texts of the problems."""
+    return {problem.key: problem.text for problem in check.problems(scene, fresh=True)}
+
+
+def shot_scene(name: str = "frames", kind: str = "plain") -> tuple[bpy.types.Scene, Path]:
+    """A scene and the folder with its rendered frames."""
+    frames = kit.copy_of_shot(name, kind)
+    return kit.build_scene(kind, frames), frames
+
+
+def test_a_good_shot_has_no_problems() -> None:
+    scene, _ = shot_scene()
+    assert found(scene) == {}
+    assert bpy.ops.hush.check_shot() == {"FINISHED"}
+
+
+def test_what_a_fix_takes_away() -> None:
+    def multilayer_half(scene: bpy.types.Scene) -> None:
+        scene.render.image_settings.color_depth = "16"
+
+    def lossy(scene: bpy.types.Scene) -> None:
+        scene.render.image_settings.exr_codec = "DWAA"
+
+    def png(scene: bpy.types.Scene) -> None:
+        if hasattr(scene.render.image_settings, "media_type"):
+            scene.render.image_settings.media_type = "IMAGE"
+        scene.render.image_settings.file_format = "PNG"
+
+    def sequence(scene: bpy.types.Scene) -> None:
+        editor = scene.sequence_editor_create()
+        strips = editor.strips if hasattr(editor, "strips") else editor.sequences
+        key = "length" if hasattr(editor, "strips") and bpy.app.version >= (5, 0) else "frame_end"
+        strips.new_effect(name="Red", type="COLOR", channel=1, frame_start=1, **{key: 5})
+
+    cases = {
+        "engine": (lambda s: setattr(s.render, "engine", "BLENDER_WORKBENCH"), "BLENDER_WORKBENCH"),
+        "camera": (lambda s: setattr(s, "camera", None), "camera"),
+        "passes": (lambda s: setattr(s.view_layers[0], "use_pass_vector", False), "Vector"),
+        "seed": (lambda s: setattr(s.cycles, "use_animated_seed", False), "seed"),
+        "denoising": (lambda s: setattr(s.cycles, "use_denoising", True), "Cycles denoises"),
+        "overwrite": (lambda s: setattr(s.render, "use_overwrite", False), "Overwrite"),
+        "placeholders": (lambda s: setattr(s.render, "use_placeholder", True), "Placeholders"),
+        "sequencer": (sequence, "Sequencer"),
+    }
+    formats = {"PNG": png, "DWAA": lossy, "16 bit": multilayer_half}
+    for key, spoil, words in [(k, *v) for k, v in cases.items()] + [("format", v, k) for k, v in formats.items()]:
+        scene, _ = shot_scene()
+        spoil(scene)
+        told = found(scene)
+        assert key in told and words in told[key], f"{key}: {told}"
+        problem = next(each for each in check.problems(scene) if each.key == key)
+        operator, arguments = problem.fix
+        assert operator == "hush.fix"
+        assert bpy.ops.hush.fix(**arguments) == {"FINISHED"}
+        assert key not in found(scene), f"{key} is there after its fix"
+
+
+def test_motion_blur_without_a_layer_for_the_vectors() -> None:
+    scene, _ = shot_scene("blurred", "blur")
+    assert "motion_blur" in found(scene)
+    bpy.ops.hush.fix(key="motion_blur")
+    assert scene.hush.vector_layer == "Vectors"
+    assert found(scene) == {}
+    scene.view_layers["Vectors"].use = False
+    assert "vector_pass" in found(scene)
+    bpy.ops.hush.fix(key="vector_pass")
+    assert "vector_pass" not in found(scene)
+
+
+def test_fixes_are_undone_with_prepare() -> None:
+    scene, _ = shot_scene()
+    scene.cycles.use_animated_seed = False
+    bpy.ops.hush.fix(key="seed")
+    bpy.ops.hush.undo_prepare()
+    assert not scene.cycles.use_animated_seed
+
+
+def test_frames_that_are_missing() -> None:
+    scene, frames = shot_scene()
+    scene.frame_end = 9
+    (frames / "frame_0003.exr").unlink()
+    (frames / "frame_0005.exr").write_bytes(b"")
+    assert found(scene)["frames"] == "Frames 3, 5-9 are not rendered"
+    for path in frames.glob("*.exr"):
+        path.unlink()
+    assert "not rendered yet" in found(scene)["frames"]
+
+
+def test_frames_of_an_earlier_render() -> None:
+    scene, _ = shot_scene("bare", "bare")
+    layer = scene.view_layers[0]
+    layer.use_pass_vector = layer.use_pass_z = layer.cycles.denoising_store_passes = True
+    text = found(scene)["older"]
+    assert "Vector" in text and "render again" in text, text
+    scene, _ = shot_scene()
+    scene.render.resolution_x = 100
+    assert "96 × 54" in found(scene)["older"]
+    scene, _ = shot_scene()
+    scene.view_layers[0].name = "Renamed"
+    assert "Renamed" in found(scene)["older"]
+
+
+def test_a_damaged_first_frame() -> None:
+    scene, frames = shot_scene()
+    (frames / "frame_0001.exr").write_bytes(b"not an image")
+    assert "frame_0001.exr" in found(scene)["first_frame"]
+
+
+def test_folders_that_cannot_be_used() -> None:
+    scene, frames = shot_scene()
+    scene.hush.output_folder = str(frames)
+    assert "replace" in found(scene)["folder"]
+    scene.hush.output_folder = str(frames / "frame_0001.exr" / "denoised")
+    assert "is a file" in found(scene)["folder"]
+    scene.hush.output_folder = "/proc/denoised"
+    assert "Nothing can be written" in found(scene)["folder"]
+    scene.hush.output_folder = "//denoised"
+    assert "not saved" in found(scene)["save"]
+    try:
+        bpy.ops.hush.check_shot()
+    except RuntimeError as error:
+        assert "not saved" in str(error)
+    else:
+        raise AssertionError("no error was reported")
+
+
+def test_lambda_that_leaves_its_range() -> None:
+    scene, _ = shot_scene()
+    for frame, value in ((1, 40.0), (3, 64.0), (5, 40.0)):
+        scene.hush.lam = value
+        scene.keyframe_insert("hush.lam", frame=frame)
+    curve = next(iter(importlib.import_module(f"{kit.MODULE}.compat").fcurves(scene)))
+    for point in curve.keyframe_points:
+        point.co.y *= 2
+    curve.update()
+    assert "80 at frame 1" in found(scene)["lambda"]
+    scene.animation_data_clear()
+    scene.driver_add("hush.lam").driver.expression = "frame"
+    assert "a driver" in found(scene)["lambda"]
+
+
+def test_the_disk_is_not_asked_all_the_time() -> None:
+    scene, frames = shot_scene()
+    assert found(scene) == {}
+    (frames / "frame_0003.exr").unlink()
+    assert check.problems(scene) == [], "the disk was asked again at once"
+    assert "frames" in found(scene)
+
+
+def test_a_full_disk_is_foreseen() -> None:
+    scene, _ = shot_scene()
+    real = check.shutil.disk_usage
+    check.shutil.disk_usage = lambda path: real(path)._replace(free=1000)
+    try:
+        assert "1 kB are free" in found(scene)["space"]
+    finally:
+        check.shutil.disk_usage = real
+    assert "space" not in found(scene)

@@ -1,0 +1,376 @@
+"""Denoise Shot: the scene's frames or named ones, in a process of its own, stopped and continued, and refused where it must be."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import shutil
+import signal
+import time
+from pathlib import Path
+from types import MethodType, SimpleNamespace
+
+import bpy
+import kit
+import numpy as np
+
+denoise = importlib.import_module(f"{kit.MODULE}.denoise")
+job = importlib.import_module(f"{kit.MODULE}.job")
+NAMES = [f"frame_{frame:04d}.exr" for frame in kit.FRAMES]
+
+
+def shot_scene(name: str = "shot", kind: str = "plain") -> tuple[bpy.types.Scene, Path]:
+    """A scene and the folder with its rendered frames."""
+    frames = kit.copy_of_shot(name, kind)
+    return kit.build_scene(kind, frames), frames
+
+
+def long_scene(name: str) -> tuple[bpy.types.Scene, Path, list[str]]:
+    """The same with sixty frames, so that there is time to stop it, and the files' names."""
+    frames = kit.folder(name)
+    names = [f"frame_{frame:04d}.exr" for frame in range(1, 61)]
+    for number, each in enumerate(names):
+        shutil.copy(kit.shot() / NAMES[number % len(NAMES)], frames / each)
+    scene = kit.build_scene("plain", frames)
+    scene.frame_end = len(names)
+    scene.render.threads = 1
+    return scene, frames, names
+
+
+def manifest(folder: Path) -> dict[str, dict]:
+    """The entry of each file, with its settings in place of their key."""
+    told = json.loads((folder / "hush-manifest.json").read_text(encoding="utf-8"))
+    return {name: {**entry, "settings": told["settings"][entry["settings"]]} for name, entry in told["frames"].items()}
+
+
+def helped(entry: dict) -> list[int]:
+    """The neighbours that helped a frame."""
+    return [each["frame"] for each in entry["neighbours"] if each["used"]]
+
+
+def refused(words: str, **arguments: object) -> None:
+    """Runs Denoise Shot, which must report an error with these words."""
+    try:
+        bpy.ops.hush.denoise_shot(**arguments)
+    except RuntimeError as error:
+        assert words in str(error), error
+    else:
+        raise AssertionError(f"was not refused, should say {words!r}")
+    assert job.current() is None
+
+
+def images(folder: Path) -> list[str]:
+    return [name for name in kit.files(folder) if name.endswith(".exr")]
+
+
+def wait_for_frames(running: object, count: int) -> None:
+    """Until so many frames are denoised."""
+    seen = 0
+    until = time.monotonic() + 60
+    while seen < count:
+        assert time.monotonic() < until, "no frame was finished in a minute"
+        seen += sum(event["event"] == "frame" for event in running.poll())
+        assert not running.ended, running.errors
+        time.sleep(0.005)
+
+
+def wait_for_end(running: object) -> None:
+    until = time.monotonic() + 60
+    while not running.ended:
+        assert time.monotonic() < until, "the worker did not end"
+        running.poll()
+        time.sleep(0.01)
+
+
+def test_a_shot_is_denoised() -> None:
+    scene, frames = shot_scene()
+    before = {name: (frames / name).read_bytes() for name in NAMES}
+    assert bpy.ops.hush.denoise_shot() == {"FINISHED"}
+    assert images(frames / "denoised") == NAMES
+    assert {name: (frames / name).read_bytes() for name in NAMES} == before
+    for name in NAMES:
+        noisy, made, clean = (kit.layer(folder / name, "Combined") for folder in (frames, frames / "denoised", kit.shot("clean")))
+        assert np.abs(made - clean).mean() < 0.6 * np.abs(noisy - clean).mean(), f"{name} is not cleaner"
+    entries = manifest(frames / "denoised")
+    assert helped(entries["frame_0003.exr"]) == [1, 2, 4, 5]
+    assert denoise.progress(scene) is None
+
+
+def test_keyframes_of_lambda_reach_the_files() -> None:
+    scene, frames = shot_scene()
+    for frame, value in ((1, 2.0), (5, 10.0)):
+        scene.hush.lam = value
+        scene.keyframe_insert("hush.lam", frame=frame)
+    compat = importlib.import_module(f"{kit.MODULE}.compat")
+    for curve in compat.fcurves(scene):
+        for point in curve.keyframe_points:
+            point.interpolation = "LINEAR"
+    assert bpy.ops.hush.denoise_shot() == {"FINISHED"}
+    entries = manifest(frames / "denoised")
+    assert [round(entries[name]["settings"]["lambda"], 3) for name in NAMES] == [2, 4, 6, 8, 10]
+
+
+def test_settings_reach_the_files() -> None:
+    scene, frames = shot_scene()
+    scene.hush.window, scene.hush.keep_noisy = "1", True
+    scene.hush.output_folder = str(kit.folder("elsewhere"))
+    scene.frame_start, scene.frame_end = 3, 4
+    assert bpy.ops.hush.denoise_shot() == {"FINISHED"}
+    folder = Path(scene.hush.output_folder)
+    assert images(folder) == ["frame_0003.exr", "frame_0004.exr"]
+    assert helped(manifest(folder)["frame_0004.exr"]) == [3, 5], "frames beside the range help"
+    assert any("Noisy Image" in name for name in kit.channels(folder / "frame_0003.exr"))
+
+
+def test_named_files_as_in_cycles() -> None:
+    frames = kit.copy_of_shot("named")
+    kit.build_scene("plain")
+    ways = {
+        "folder": (str(frames), "folder/", NAMES),
+        "pattern": (str(frames / "frame_####.exr"), "pattern/frame_####.exr", NAMES),
+        "beginning": (str(frames / "frame_"), "beginning", NAMES),
+        "file": (str(frames / "frame_0002.exr"), "file", ["frame_0002.exr"]),
+    }
+    base = kit.folder("named-results")
+    for source, target, expected in ways.values():
+        assert bpy.ops.hush.denoise_shot(input_filepath=source, output_filepath=str(base / target)) == {"FINISHED"}
+        assert images(base / target.split("/")[0]) == expected, (source, target)
+    entry = manifest(base / "file")["frame_0002.exr"]
+    assert helped(entry) == [1, 3, 4]
+    assert bpy.ops.hush.denoise_shot(input_filepath=str(frames)) == {"FINISHED"}
+    assert images(frames / "denoised") == NAMES
+
+
+def test_names_and_folders_that_cannot_be() -> None:
+    frames = kit.copy_of_shot("refused")
+    kit.build_scene("plain", frames)
+    for target in (str(frames), f"{frames}/", str(frames / "frame_####.exr")):
+        refused("choose another folder", input_filepath=str(frames / "frame_####.exr"), output_filepath=target)
+        refused("choose another folder", output_filepath=target)
+    refused("keep the names", input_filepath=str(frames / "frame_0001.exr"), output_filepath=str(frames.parent / "out" / "clean_0001.exr"))
+    refused("Nothing can be written", output_filepath="/proc/denoised")
+    refused("is a file", output_filepath=str(frames / "frame_0001.exr" / "x"))
+    refused("nowhere", input_filepath=str(frames / "nowhere" / "frame_####.exr"), output_filepath=str(frames.parent / "out"))
+    assert kit.files(frames) == NAMES
+
+
+def test_scenes_that_cannot_be() -> None:
+    scene, frames = shot_scene("scenes")
+    scene.render.engine = "BLENDER_WORKBENCH"
+    refused("Cycles")
+    scene.render.engine = "CYCLES"
+    scene.hush.output_folder = "//denoised"
+    refused("not saved")
+    scene.hush.output_folder = ""
+    refused("no scene Nowhere", scene="Nowhere")
+    scene.render.filepath = str(kit.folder("empty") / "frame_####")
+    refused("frame_####.exr")
+    assert kit.files(frames) == NAMES
+
+
+def test_missing_and_damaged_frames_are_an_error_but_the_rest_is_done() -> None:
+    scene, frames = shot_scene("gaps")
+    (frames / "frame_0004.exr").unlink()
+    refused("Frames 4 are not rendered")
+    assert images(frames / "denoised") == [name for name in NAMES if "4" not in name]
+    shutil.copy(kit.shot() / "frame_0004.exr", frames)
+    (frames / "frame_0005.exr").write_bytes((kit.shot() / "frame_0005.exr").read_bytes()[:20000])
+    refused("frame_0005.exr")
+    assert sorted(set(NAMES) - set(images(frames / "denoised"))) in ([], ["frame_0005.exr"])
+    assert scene.hush.output_folder == ""
+
+
+def test_stopped_half_way_and_continued() -> None:
+    scene, frames, names = long_scene("stopped")
+    running = job.start(scene.name, denoise.runs(scene))
+    assert not bpy.ops.hush.denoise_shot.poll(), "a second run could be started"
+    wait_for_frames(running, 2)
+    assert denoise.progress(scene) is not None and 0 < running.fraction < 1
+    running.cancel()
+    wait_for_end(running)
+    assert denoise.outcome(running)[0] == "CANCELLED"
+    assert "stopped" in denoise.outcome(running)[1][-1][1]
+    made = images(frames / "denoised")
+    assert 2 <= len(made) < len(names), made
+    left = [name for name in kit.files(frames / "denoised") if name not in made]
+    assert left == ["hush-manifest.json"], f"left behind: {left}"
+    stamps = {name: (frames / "denoised" / name).stat().st_mtime_ns for name in made}
+    for name in made:
+        kit.layer(frames / "denoised" / name, "Combined")
+    assert bpy.ops.hush.denoise_shot() == {"FINISHED"}
+    assert images(frames / "denoised") == names
+    assert {name: (frames / "denoised" / name).stat().st_mtime_ns for name in made} == stamps, "finished frames were made again"
+
+
+def test_a_worker_that_is_killed_is_told() -> None:
+    scene, frames, names = long_scene("killed")
+    running = job.start(scene.name, denoise.runs(scene))
+    wait_for_frames(running, 1)
+    os.kill(running._process.pid, signal.SIGKILL)
+    wait_for_end(running)
+    result, reports = denoise.outcome(running)
+    assert result == "CANCELLED" and reports[-1][0] == "ERROR" and "killed" in reports[-1][1], reports
+    assert bpy.ops.hush.denoise_shot() == {"FINISHED"}
+    assert images(frames / "denoised") == names
+
+
+def test_the_worker_ends_with_blender() -> None:
+    _, frames, names = long_scene("orphan")
+    blend = kit.folder("orphan-file") / "shot.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(blend))
+    told = kit.blender(
+        f"""
+import importlib, os, sys, bpy
+bpy.ops.wm.open_mainfile(filepath=sys.argv[1])
+denoise, job = (importlib.import_module("{kit.MODULE}." + name) for name in ("denoise", "job"))
+running = job.start("Scene", denoise.runs(bpy.data.scenes["Scene"]))
+print("worker", running._process.pid, flush=True)
+os._exit(0)
+""",
+        blend,
+    )
+    worker = int(told.split("worker ")[1].split()[0])
+    until = time.monotonic() + 20
+    while Path(f"/proc/{worker}").exists() and "Z" not in Path(f"/proc/{worker}/stat").read_text(encoding="utf-8").split()[2]:
+        assert time.monotonic() < until, "the worker goes on without Blender"
+        time.sleep(0.1)
+    assert len(images(frames / "denoised") if (frames / "denoised").exists() else []) < len(names), "it denoised the whole shot alone"
+
+
+def test_switching_the_extension_off_stops_the_worker() -> None:
+    scene, _, _ = long_scene("off")
+    running = job.start(scene.name, denoise.runs(scene))
+    kit.disable()
+    assert running._process.poll() is not None
+    kit.enable()
+
+
+def test_motion_blur_takes_the_vectors_of_the_other_layer() -> None:
+    scene = kit.build_scene("blur", kit.folder("blurred"))
+    scene.view_layers.remove(scene.view_layers["Vectors"])
+    assert bpy.ops.hush.prepare_shot() == {"FINISHED"}
+    scene.frame_end = 3
+    bpy.ops.render.render(animation=True)
+    frames = Path(scene.render.filepath).parent
+    moving = kit.layer(frames / "frame_0002.exr", "Hush Vectors.Vector", "XYZW")
+    empty = kit.layer(frames / "frame_0002.exr", "ViewLayer.Vector", "XYZW")
+    assert np.abs(moving).max() > 0.5 and np.abs(empty).max() == 0
+    assert bpy.ops.hush.denoise_shot() == {"FINISHED"}
+    entry = manifest(frames / "denoised")["frame_0002.exr"]
+    assert entry["settings"]["vector_layer"] == "Hush Vectors"
+    assert helped(entry) == [1, 3]
+    noisy, made = (kit.channels(folder / "frame_0002.exr") for folder in (frames, frames / "denoised"))
+    kit.assert_differs(made["ViewLayer.Combined.R"], noisy["ViewLayer.Combined.R"], 0.001)
+    kit.assert_close(made["Hush Vectors.Combined.R"], noisy["Hush Vectors.Combined.R"], 0.0, "the layer of the vectors")
+
+
+def test_two_scenes() -> None:
+    first, frames = shot_scene("first")
+    other = first.copy()
+    other.name = "Other"
+    other.render.filepath = str(kit.copy_of_shot("other") / "frame_####")
+    other.frame_end = 2
+    assert bpy.ops.hush.denoise_shot(scene="Other") == {"FINISHED"}
+    assert images(frames) == NAMES, "the open scene's frames were denoised"
+    assert len(images(Path(other.render.filepath).parent / "denoised")) == 2
+
+
+def test_views_with_files_of_their_own() -> None:
+    frames = kit.folder("stereo")
+    for name in NAMES[:2]:
+        for view in ("_L", "_R"):
+            shutil.copy(kit.shot() / name, frames / name.replace(".exr", f"{view}.exr"))
+    scene = kit.build_scene("plain", frames)
+    scene.render.use_multiview = True
+    scene.render.image_settings.views_format = "INDIVIDUAL"
+    scene.frame_end = 2
+    assert bpy.ops.hush.denoise_shot() == {"FINISHED"}
+    assert images(frames / "denoised") == [name.replace(".exr", f"{view}.exr") for name in NAMES[:2] for view in ("_L", "_R")]
+
+
+def test_a_folder_with_odd_letters() -> None:
+    frames = kit.folder("Käse [v2] 100% {x}")
+    for name in NAMES[:2]:
+        shutil.copy(kit.shot() / name, frames)
+    scene = kit.build_scene("plain", frames)
+    scene.hush.input_folder = str(frames)
+    scene.render.filepath = "/tmp/frame_####"
+    scene.frame_end = 2
+    assert bpy.ops.hush.denoise_shot() == {"FINISHED"}
+    assert images(frames / "denoised") == NAMES[:2]
+
+
+class Window:
+    """Stands in for Blender's window: what the operator would show and report."""
+
+    def __init__(self) -> None:
+        self.shown: list[str | None] = []
+        self.reports: list[tuple[str, str]] = []
+        self.removed = False
+        nothing = lambda *_: None
+        self.window_manager = SimpleNamespace(
+            progress_begin=nothing, progress_update=nothing, progress_end=nothing, event_timer_remove=self.remove
+        )
+        self.workspace = SimpleNamespace(status_text_set=self.shown.append)
+        self.scene = bpy.context.scene
+
+    def remove(self, _timer: object) -> None:
+        self.removed = True
+
+    def operator(self) -> SimpleNamespace:
+        """The operator's own functions on an object that is not Blender's."""
+        kind = denoise.HUSH_OT_denoise_shot
+        fake = SimpleNamespace(input_filepath="", output_filepath="", overwrite=False, scene="", _timer=object())
+        for name in ("_begin", "_show", "_hide", "_finish", "modal", "cancel"):
+            setattr(fake, name, MethodType(getattr(kind, name), fake))
+        fake.report = lambda level, text: self.reports.append((*level, text))
+        return fake
+
+
+def press(fake: SimpleNamespace, window: Window, kind: str) -> set[str]:
+    return fake.modal(window, SimpleNamespace(type=kind, value="PRESS"))
+
+
+def ticks(fake: SimpleNamespace, window: Window) -> set[str]:
+    """The timer, until the operator ends."""
+    until = time.monotonic() + 60
+    while (result := press(fake, window, "TIMER")) == {"PASS_THROUGH"}:
+        assert time.monotonic() < until, "the operator does not end"
+        time.sleep(0.01)
+    return result
+
+
+def test_in_a_window_progress_is_shown_and_events_pass() -> None:
+    _, frames = shot_scene("window")
+    window = Window()
+    fake = window.operator()
+    assert fake._begin(window)
+    assert press(fake, window, "MOUSEMOVE") == {"PASS_THROUGH"}
+    assert ticks(fake, window) == {"FINISHED"}
+    assert any("Denoising frame" in text and "%" in text and "Esc" in text for text in window.shown), window.shown
+    assert window.removed and window.reports[-1][0] == "INFO" and "5 frames denoised" in window.reports[-1][1]
+    assert images(frames / "denoised") == NAMES and job.current() is None
+
+
+def test_in_a_window_esc_stops_after_the_frame_in_hand() -> None:
+    _, frames, names = long_scene("esc")
+    window = Window()
+    fake = window.operator()
+    assert fake._begin(window)
+    while not (frames / "denoised" / names[0]).exists():
+        press(fake, window, "TIMER")
+    assert press(fake, window, "ESC") == {"RUNNING_MODAL"}
+    assert "Stopping" in window.shown[-1]
+    assert ticks(fake, window) == {"CANCELLED"}
+    assert "stopped" in window.reports[-1][1]
+    assert len(images(frames / "denoised")) < len(names)
+
+
+def test_opening_another_file_stops_it() -> None:
+    long_scene("another")
+    window = Window()
+    fake = window.operator()
+    assert fake._begin(window)
+    fake.cancel(window)
+    assert job.current() is None and fake._job._process.poll() is not None

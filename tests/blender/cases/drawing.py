@@ -1,0 +1,134 @@
+"""Panel and node are drawn in every state without an error; a stand-in for Blender's layout notes what they draw."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import bpy
+import frames
+import kit
+
+
+class Layout:
+    """Takes what a UILayout takes and refuses what it does not have."""
+
+    def __init__(self, seen: list[str]) -> None:
+        object.__setattr__(self, "seen", seen)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        assert name in bpy.types.UILayout.bl_rna.properties, name
+
+    def __getattr__(self, name: str) -> object:
+        function = bpy.types.UILayout.bl_rna.functions[name]
+
+        def call(*arguments: object, **named: object) -> object:
+            for key in named:
+                assert key in function.parameters, f"{name} has no {key}"
+            if name in ("prop", "prop_search"):
+                assert hasattr(arguments[0], arguments[1]), arguments
+                self.seen.append(f"{name} {arguments[1]}")
+            elif name == "operator":
+                self.seen.append(f"operator {arguments[0]}")
+                module, operator = arguments[0].split(".")
+                return Operator(getattr(getattr(bpy.ops, module), operator).get_rna_type())
+            else:
+                self.seen.append(str(named.get("text", "")))
+            return Layout(self.seen)
+
+        return call
+
+
+class Operator:
+    def __init__(self, rna: bpy.types.Struct) -> None:
+        object.__setattr__(self, "rna", rna)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        assert name in self.rna.properties, name
+
+
+def draw() -> str:
+    """Draws all panels and nodes; returns what they show."""
+    seen: list[str] = []
+    context = SimpleNamespace(scene=bpy.context.scene, region=SimpleNamespace(width=400), preferences=bpy.context.preferences)
+    panel = frames.module("panel")
+    for name in ("RENDER_PT_hush", "RENDER_PT_hush_settings", "RENDER_PT_hush_folders"):
+        getattr(panel, name).draw(SimpleNamespace(layout=Layout(seen)), context)
+    for node in frames.module("node").nodes(bpy.context.scene):
+        panel.draw_node(node, context, Layout(seen))
+    return "\n".join(seen)
+
+
+def look(scene: bpy.types.Scene) -> None:
+    """What the timer does in a window."""
+    refresh = frames.module("refresh")
+    frames.module("status").shot_status(scene)
+    refresh._problems[scene.session_uid] = frames.module("check").problems(scene, fresh=True)
+
+
+def test_before_anything_is_known() -> None:
+    bpy.ops.wm.read_homefile(use_empty=True)
+    shown = draw()
+    steps = ["hush.prepare_shot", "render.render", "hush.denoise_shot", "hush.composite_shot"]
+    places = [shown.index(f"operator {step}") for step in steps]
+    assert places == sorted(places)
+    assert "operator hush.add_node" in shown and "prop lam" in shown
+
+
+def test_problems_and_status_are_shown() -> None:
+    shot = kit.copy_of_shot("drawn")
+    frames.make_denoised(shot, [1, 2])
+    frames.write_manifest(shot, [1, 2])
+    scene, node = frames.scene_with_node(shot)
+    scene.cycles.use_animated_seed = False
+    look(scene)
+    shown = draw().replace("\n", " ")
+    assert "2 of 5 frames denoised, 3 to do" in shown
+    assert "operator hush.fix" in shown and "seed" in shown
+    assert "operator hush.add_node" not in shown
+
+
+def test_the_node_tells_why_it_passes_the_image() -> None:
+    shot = kit.copy_of_shot("why")
+    frames.make_denoised(shot, [1])
+    scene, _ = frames.scene_with_node(shot)
+    assert "passes through" not in draw()
+    scene.frame_set(2)
+    assert "passes through" in draw().replace("\n", " ")
+    scene.frame_set(1)
+    scene.render.resolution_percentage = 50
+    frames.module("node").sync(scene)
+    shown = draw().replace("\n", " ")
+    assert "96 × 54" in shown and "48 × 27" in shown
+
+
+def test_many_scenes_and_layers() -> None:
+    scene = kit.build_scene("blur")
+    bpy.data.scenes.new("Other")
+    bpy.ops.hush.add_node()
+    scene.hush.driver_add("lam")
+    look(scene)
+    shown = draw()
+    assert "prop source_scene" in shown and "prop_search view_layer" in shown and "prop_search vector_layer" in shown
+    assert "driver" in shown
+
+
+def test_paths_that_cannot_be_used() -> None:
+    scene = kit.build_scene()
+    scene.render.filepath = "/tmp/{nothing}/x" if frames.BLENDER_5 else "//unsaved"
+    look(scene)
+    draw()
+
+
+def test_a_look_finds_what_changed() -> None:
+    """As the timer does: new frames are shown without anything else being done."""
+    shot = kit.copy_of_shot("looks")
+    scene, node = frames.scene_with_node(shot)
+    refresh = frames.module("refresh")
+    assert [window.scene for window in bpy.context.window_manager.windows] == [scene]
+    refresh._look()
+    assert refresh.problems(scene) is not None
+    assert not frames.module("node").is_on(node)
+    frames.make_denoised(shot, [1])
+    refresh._look()
+    assert frames.module("node").is_on(node)
+    kit.assert_close(frames.composite(scene, 1, kit.folder("out")), frames.picture(1), 1e-5)

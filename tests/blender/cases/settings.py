@@ -1,0 +1,192 @@
+"""What a scene says about its shot: files, frames, λ at each frame; and how far it is denoised."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import bpy
+import frames
+import kit
+
+
+def key_lambda(scene: bpy.types.Scene, keys: dict[int, float]) -> None:
+    for frame, value in keys.items():
+        scene.hush.lam = value
+        assert scene.hush.keyframe_insert("lam", frame=frame)
+    for curve in frames.module("compat").fcurves(scene):
+        for point in curve.keyframe_points:
+            point.interpolation = "LINEAR"
+
+
+def test_files_are_where_blender_renders_to() -> None:
+    shot, scene = frames.module("shot"), kit.build_scene()
+    for path in ("/tmp/x/", "/tmp/x/frame_", "/tmp/sh_##_v2", "/tmp/a##b/sh####", "/tmp/take10####", "/tmp/z######_", "/tmp/v2.1/####"):
+        scene.render.filepath = path
+        for frame in (0, 1, 7, 9999, 10000, 123456):
+            assert str(shot.frame_file(shot.frame_pattern(scene), frame)) == scene.render.frame_path(frame=frame), path
+        assert shot.output_file(scene, 7).parent == shot.frame_pattern(scene).parent / "denoised"
+    if frames.BLENDER_5:
+        scene.render.filepath = "/tmp/{no_such_variable}/frame_"
+        try:
+            shot.frame_pattern(scene)
+        except shot.ShotError as error:
+            assert "no_such_variable" in str(error)
+        else:
+            raise AssertionError("an output path that cannot be used should be refused")
+        assert "no_such_variable" in frames.module("status").shot_status(scene).text
+
+
+def test_files_are_exr_after_the_output_was_changed_to_png() -> None:
+    shot, scene = frames.module("shot"), kit.build_scene(render_to=Path("/tmp/shot"))
+    frames.module("compat").use_image_format(scene.render.image_settings, "PNG")
+    assert shot.frame_pattern(scene) == Path("/tmp/shot/frame_####.exr")
+
+
+def test_a_folder_of_frames_may_be_named() -> None:
+    shot, scene, folder = frames.module("shot"), kit.build_scene(), kit.folder("named")
+    for frame in range(1, 4):
+        (folder / f"other.{frame:05d}.exr").write_bytes(b"x")
+    (folder / "note_1.exr").write_bytes(b"x")
+    scene.hush.input_folder = str(folder)
+    assert shot.frame_pattern(scene) == folder / "other.#####.exr"
+    scene.hush.input_folder = str(folder / "note_#.exr")
+    assert shot.frame_pattern(scene) == folder / "note_#.exr"
+
+
+def test_lambda_keys_reach_every_frame() -> None:
+    shot, scene = frames.module("shot"), kit.build_scene()
+    scene.hush.lam = 3.0
+    assert shot.lambda_keys(scene) == 3.0
+    key_lambda(scene, {1: 2.0, 5: 10.0})
+    scene.frame_set(4)
+    assert shot.lambda_keys(scene) == {1: 2.0, 2: 4.0, 3: 6.0, 4: 8.0, 5: 10.0}
+    assert scene.frame_current == 4 and shot.lambda_at(scene, 100) == 10.0
+    assert shot.lambda_source(scene) == "keys"
+    scene.frame_step = 2
+    assert shot.lambda_keys(scene) == {1: 2.0, 3: 6.0, 5: 10.0}
+
+
+def test_lambda_stays_in_its_range() -> None:
+    shot, scene = frames.module("shot"), kit.build_scene()
+    key_lambda(scene, {1: 1.0, 5: 64.0})
+    (curve,) = (c for c in frames.module("compat").fcurves(scene) if c.data_path == "hush.lam")
+    curve.keyframe_points[0].co.y, curve.keyframe_points[1].co.y = -10.0, 90.0
+    curve.update()
+    values = shot.lambda_keys(scene)
+    assert values[1] == 1.0 and values[5] == 64.0, values
+
+
+def test_lambda_under_a_driver_is_its_value_now() -> None:
+    shot, scene = frames.module("shot"), kit.build_scene()
+    scene.hush.driver_add("lam").driver.expression = "frame + 1"
+    scene.frame_set(3)
+    assert shot.lambda_source(scene) == "driver"
+    assert shot.lambda_keys(scene) == 4.0 == shot.lambda_at(scene, 1)
+
+
+def test_keys_of_other_things_are_not_taken_for_lambda() -> None:
+    shot, scene = frames.module("shot"), kit.build_scene()
+    scene.hush.lam = 5.0
+    scene.cycles.keyframe_insert("samples", frame=1)
+    assert shot.lambda_source(scene) == "value" and shot.lambda_keys(scene) == 5.0
+
+
+def test_settings_are_saved() -> None:
+    scene, blend = kit.build_scene(), kit.folder("saved") / "s.blend"
+    scene.hush.lam, scene.hush.window, scene.hush.output_folder = 7.0, "3", "//out"
+    key_lambda(scene, {1: 2.0, 5: 6.0})
+    bpy.ops.wm.save_as_mainfile(filepath=str(blend))
+    bpy.ops.wm.read_homefile(use_empty=True)
+    bpy.ops.wm.open_mainfile(filepath=str(blend))
+    scene, shot = bpy.context.scene, frames.module("shot")
+    assert shot.window(scene) == 3 and shot.output_folder(scene) == blend.parent / "out"
+    assert shot.lambda_keys(scene)[3] == 4.0
+
+
+def told(scene: bpy.types.Scene) -> str:
+    frames.module("status").forget()
+    return frames.module("status").shot_status(scene).text
+
+
+def test_status_tells_how_far_it_is() -> None:
+    shot = kit.copy_of_shot("status")
+    scene = kit.build_scene(render_to=shot)
+    assert told(scene) == "not denoised yet: press Denoise Shot"
+    frames.make_denoised(shot, [1, 2])
+    frames.write_manifest(shot, [1, 2], neighbours=1)
+    assert told(scene) == "2 of 5 frames denoised, 3 to do"
+    frames.make_denoised(shot, [3, 4, 5])
+    frames.write_manifest(shot, [3, 4, 5], neighbours=1)
+    assert told(scene) == "5 of 5 frames denoised"
+    scene.hush.lam = 4.0
+    # Without forgetting: the settings are compared each time.
+    assert frames.module("status").shot_status(scene).text == "0 of 5 frames denoised, 5 are out of date: λ changed"
+    frames.write_manifest(shot, [1, 2, 3], **{"lambda": 4.0})
+    assert told(scene) == "3 of 5 frames denoised, 2 are out of date: λ changed"
+    scene.hush.lam = 1.0
+    key_lambda(scene, {1: 4.0, 3: 4.0, 4: 1.0})
+    assert told(scene) == "5 of 5 frames denoised"
+
+
+def test_status_tells_what_changed() -> None:
+    shot = kit.copy_of_shot("changed")
+    scene = kit.build_scene(render_to=shot)
+    frames.make_denoised(shot, list(kit.FRAMES))
+    frames.write_manifest(shot, list(kit.FRAMES), neighbours=1)
+    for name, value, reason in (
+        ("window", "1", "the window changed"),
+        ("use_light_passes", True, "light passes were turned on"),
+        ("keep_noisy", True, "Keep Noisy Image was turned on"),
+    ):
+        before = getattr(scene.hush, name)
+        setattr(scene.hush, name, value)
+        assert told(scene) == f"0 of 5 frames denoised, 5 are out of date: {reason}"
+        setattr(scene.hush, name, before)
+    # Frame 3 rendered again: it and its neighbours are out of date.
+    os.utime(shot / "frame_0003.exr", (1e9, 1e9))
+    assert told(scene) == "2 of 5 frames denoised, 3 are out of date: the render changed"
+    (shot / "denoised" / "frame_0001.exr").unlink()
+    assert told(scene) == "1 of 5 frames denoised, 3 are out of date: the render changed, 1 to do"
+
+
+def test_status_after_a_run_that_was_stopped() -> None:
+    import hush
+
+    shot = kit.copy_of_shot("stopped")
+    scene = kit.build_scene(render_to=shot)
+    pattern, output = str(shot / "frame_####.exr"), str(shot / "denoised")
+    hush.denoise_sequence(pattern, output)
+    assert told(scene) == "5 of 5 frames denoised"
+    scene.hush.lam = 8.0
+    written: list[int] = []
+
+    def count(event: dict) -> None:
+        if event["event"] == "frame":
+            written.append(event["frame"])
+
+    stopped = hush.denoise_sequence(pattern, output, lam=8.0, progress=count, cancel=lambda: len(written) >= 2)
+    assert stopped["interrupted"] and 2 <= len(written) < 5, (stopped, written)
+    left = 5 - len(written)
+    told_left = f"{left} {'is' if left == 1 else 'are'} out of date: denoising was stopped"
+    assert told(scene) == f"{len(written)} of 5 frames denoised, {told_left}"
+    hush.denoise_sequence(pattern, output, lam=8.0)
+    assert told(scene) == "5 of 5 frames denoised"
+
+
+def test_status_without_frames_or_with_a_bad_manifest() -> None:
+    empty = kit.folder("empty")
+    scene = kit.build_scene(render_to=empty)
+    assert told(scene) == f"no rendered frames in {empty}: render the animation"
+    shot = kit.copy_of_shot("bad")
+    scene.render.filepath = str(shot / "frame_####")
+    output = frames.make_denoised(shot, [1])
+    for text in (
+        "",
+        "{",
+        "[]",
+        '{"frames": {"frame_0001.exr": 7}, "settings": {}}',
+        '{"frames": {"frame_0001.exr": {"settings": []}}, "settings": 3}',
+    ):
+        (output / "hush-manifest.json").write_text(text)
+        assert told(scene).startswith("0 of 5 frames denoised, 1 is out of date"), (text, told(scene))

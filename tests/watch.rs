@@ -1,0 +1,292 @@
+//! `hush watch` beside writers of all kinds: no frame missed, none half there, and the result of a plain run.
+#![cfg(unix)]
+
+mod common;
+mod watch_support;
+
+use std::fs;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use common::{Look, name, write_frame};
+use watch_support::{Scene, Watch, write_slowly};
+
+const PAUSE: Duration = Duration::from_millis(150);
+
+#[test]
+fn frames_are_denoised_while_they_land_each_once() {
+    let scene = Scene::new();
+    let mut watch = scene.watch(&["--frames", "1-6"]);
+    for n in 1..=4 {
+        scene.land(n);
+    }
+    watch.until("frame 2", |w| w.denoised().contains(&2));
+    assert!(!watch.denoised().contains(&3), "its window is not there yet");
+    write_slowly(&scene.input(5), &scene.bytes(5), 5, PAUSE);
+    let aside = scene.path("in/.f_0006.exr.tmp");
+    fs::write(&aside, scene.bytes(6)).unwrap();
+    fs::rename(aside, scene.input(6)).unwrap();
+    watch.until_done(6);
+    let mut denoised = watch.denoised();
+    denoised.sort_unstable();
+    assert_eq!(denoised, [1, 2, 3, 4, 5, 6], "each once");
+    assert_eq!((watch.named("start").len(), watch.named("landed").len()), (1, 6));
+    let last = watch.stop();
+    assert_eq!((&last["event"], &last["written"], &last["interrupted"]), (&"done".into(), &6.into(), &true.into()));
+    scene.assert_like_a_plain_run("in", "out");
+}
+
+#[test]
+fn events_are_quicker_than_scans() {
+    let scene = Scene::new();
+    let mut watch = scene.watch(&["--window", "0"]);
+    watch.until("the first scan", |w| !w.named("waiting").is_empty());
+    fs::create_dir_all(scene.path("in/new/deep")).unwrap();
+    for path in [scene.input(1), scene.path("in/new/deep/s_1.exr")] {
+        let began = Instant::now();
+        let before = watch.denoised().len();
+        write_frame(&path, 1, Look::default());
+        watch.until("the frame", |w| w.denoised().len() > before);
+        assert!(began.elapsed() < Duration::from_secs(4), "{:?}", began.elapsed());
+    }
+    watch.stop();
+}
+
+#[test]
+fn a_stub_is_given_up_after_a_while_and_redone_when_it_is_whole() {
+    let scene = Scene::new();
+    let bytes = scene.bytes(3);
+    for n in [1, 2, 4, 5] {
+        scene.land(n);
+    }
+    fs::write(scene.input(3), &bytes[..bytes.len() * 2 / 3]).unwrap();
+    let mut watch = scene.watch(&["--frames", "1-5", "--settle", "1"]);
+    watch.until("the others", |w| w.denoised().len() == 4);
+    assert!(!scene.path("out").join(name(3)).exists());
+    watch.until("a word about the stub", |w| !w.named("incomplete").is_empty());
+    fs::write(scene.input(3), &bytes).unwrap();
+    watch.until_done(5);
+    assert_eq!(watch.denoised()[4..], [1, 2, 3, 4, 5]);
+    watch.stop();
+    scene.assert_like_a_plain_run("in", "out");
+}
+
+#[test]
+fn without_redo_what_is_done_stays() {
+    let scene = Scene::new();
+    for n in [1, 2, 4] {
+        scene.land(n);
+    }
+    let mut watch = scene.watch(&["--frames", "1-4", "--settle", "0.5", "--no-redo"]);
+    watch.until_done(3);
+    scene.land(3);
+    watch.until_done(4);
+    assert_eq!(watch.denoised(), [1, 2, 4, 3]);
+    watch.stop();
+}
+
+#[test]
+fn a_frame_rendered_again_takes_its_window_along() {
+    let scene = Scene::new();
+    (1..=7).for_each(|n| scene.land(n));
+    let mut watch = scene.watch(&["--frames", "1-7"]);
+    watch.until_done(7);
+    write_slowly(&scene.input(4), &scene.bytes(99), 3, PAUSE);
+    watch.until("the window", |w| w.denoised().len() == 12);
+    watch.until_done(7);
+    assert_eq!(watch.denoised()[7..], [2, 3, 4, 5, 6]);
+    let landed = watch.named("landed");
+    assert_eq!((landed.len(), &landed[7]["frame"], &landed[7]["again"]), (8, &4.into(), &true.into()));
+    watch.stop();
+    scene.assert_like_a_plain_run("in", "out");
+}
+
+#[test]
+fn shots_in_subfolders_are_mirrored_and_folders_may_go_and_come() {
+    let scene = Scene::new();
+    let shot = |folder: &str, file: &str, numbers: std::ops::RangeInclusive<i64>| {
+        fs::create_dir_all(scene.path(folder)).unwrap();
+        for n in numbers {
+            write_frame(&scene.path(folder).join(format!("{file}{n:03}.exr")), n, Look::default());
+        }
+    };
+    let mut watch = scene.watch(&["--settle", "1"]);
+    shot("in/a/beauty", "b_", 1..=3);
+    shot("in/a", "f.", 7..=8);
+    watch.until_done(5);
+    fs::remove_dir_all(scene.path("in")).unwrap();
+    watch.until("the folder's end", |w| w.named("waiting").last().is_some_and(|e| e["input"] == false));
+    shot("in/a/beauty", "b_", 1..=4);
+    watch.until("the new frame", |w| w.denoised().len() == 5 + 4);
+    watch.stop();
+    scene.assert_like_a_plain_run("in/a/beauty", "out/a/beauty");
+    assert_eq!(scene.names("out/a"), ["beauty", "f.007.exr", "f.008.exr"], "what was made of files that are gone stays");
+}
+
+#[test]
+fn the_folder_may_come_later_and_hold_the_outputs() {
+    let scene = Scene::new();
+    fs::remove_dir(scene.path("in")).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_hush"));
+    command.current_dir(scene.dir.path()).args(["watch", "in/f_####.exr", "-o", "in/clean", "--json", "--frames", "1-3"]);
+    let mut watch = Watch::start(command);
+    watch.until("a word about the folder", |w| w.named("waiting").iter().any(|e| e["input"] == false));
+    fs::create_dir(scene.path("in")).unwrap();
+    fs::write(scene.path("in/g_0001.exr"), scene.bytes(1)).unwrap();
+    (1..=3).for_each(|n| scene.land(n));
+    watch.until_done(3);
+    std::thread::sleep(Duration::from_secs(1));
+    assert_eq!((watch.denoised().len(), watch.named("landed").len()), (3, 3), "outputs are no inputs");
+    watch.stop();
+}
+
+#[test]
+fn scanning_does_as_well_as_events() {
+    let scene = Scene::new();
+    let mut watch = scene.watch(&["--frames", "1-4", "--poll=0.3"]);
+    assert!(watch.denoised().is_empty());
+    scene.land(1);
+    scene.land(2);
+    write_slowly(&scene.input(3), &scene.bytes(3), 4, PAUSE);
+    scene.land(4);
+    watch.until_done(4);
+    assert_eq!(watch.named("watching")[0]["polling"], true);
+    assert_eq!(watch.denoised().len(), 4);
+    watch.stop();
+    scene.assert_like_a_plain_run("in", "out");
+}
+
+#[test]
+fn killed_watches_lose_nothing_and_do_little_twice() {
+    let scene = Scene::new();
+    let look = Look { columns: 96, rows: 54, ..Look::default() };
+    (1..=40).for_each(|n| write_frame(&scene.input(n), n, look));
+    let mut total = 0;
+    for kill_after in [1, 4, 9, 17] {
+        let mut watch = scene.watch(&["--frames", "1-40"]);
+        watch.until("some frames", |w| w.denoised().len() >= kill_after);
+        watch.signal("-KILL");
+        watch.end();
+        total += watch.denoised().len();
+        for file in scene.names("out").iter().filter(|n| n.ends_with(".exr")) {
+            hush::io::is_complete(&scene.path("out").join(file)).unwrap();
+        }
+    }
+    let mut watch = scene.watch(&["--frames", "1-40"]);
+    watch.until_done(40);
+    total += watch.denoised().len();
+    // What was done in the last second before a kill may be done again.
+    assert!(total < 40 + 4 * 16, "{total} frames denoised for 40");
+    let skipped = watch.stop()["skipped"].as_u64().unwrap();
+    assert!(skipped > 0, "what was done before is not done again");
+    scene.assert_like_a_plain_run("in", "out");
+}
+
+#[test]
+fn two_watchers_share_the_work() {
+    let scene = Scene::new();
+    let look = Look { columns: 96, rows: 54, ..Look::default() };
+    let mut watches = [scene.watch(&["--frames", "1-60"]), scene.watch(&["--frames", "1-60", "--poll=0.2"])];
+    for n in (1..=60).rev() {
+        write_frame(&scene.input(n), n, look);
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    watches.iter_mut().for_each(|w| w.until_done(60));
+    let each: Vec<usize> = watches.iter().map(|w| w.denoised().len()).collect();
+    let mut all: Vec<i64> = watches.iter().flat_map(Watch::denoised).collect();
+    all.sort_unstable();
+    assert_eq!(all, (1..=60).collect::<Vec<_>>(), "none twice, none missed: {each:?}");
+    assert!(each.iter().all(|n| *n > 0), "both work: {each:?}");
+    assert!(scene.names("out").iter().all(|n| n.ends_with(".exr") || n == ".hush-claims"));
+    watches.into_iter().for_each(|w| _ = w.stop());
+    scene.assert_like_a_plain_run("in", "out");
+}
+
+#[test]
+fn once_does_what_is_there_and_stops() {
+    let scene = Scene::new();
+    (1..=4).for_each(|n| scene.land(n));
+    let bytes = scene.bytes(5);
+    fs::write(scene.input(5), &bytes[..bytes.len() / 2]).unwrap();
+    let mut watch = scene.watch(&["--once"]);
+    let (code, last) = watch.end();
+    assert_eq!((code, &last["written"], &last["failed"]), (Some(2), &4.into(), &serde_json::json!([5])));
+    fs::write(scene.input(5), &bytes).unwrap();
+    let mut watch = scene.watch(&["--once"]);
+    let (code, last) = watch.end();
+    assert_eq!((code, &last["skipped"]), (Some(0), &2.into()), "{last}");
+    assert_eq!(watch.denoised(), [3, 4, 5]);
+    let (code, last) = scene.watch(&["--once"]).end();
+    assert_eq!((code, &last["written"], &last["skipped"]), (Some(0), &0.into(), &5.into()));
+    let (code, last) = scene.watch(&["--once", "--frames", "1-7"]).end();
+    assert_eq!((code, &last["missing"]), (Some(2), &"6-7".into()));
+    scene.assert_like_a_plain_run("in", "out");
+}
+
+#[test]
+fn one_bad_frame_does_not_stop_the_others() {
+    let scene = Scene::new();
+    (1..=3).for_each(|n| scene.land(n));
+    write_frame(&scene.input(2), 2, Look { vector: None, ..Look::default() });
+    fs::create_dir(scene.path("out")).unwrap();
+    fs::write(scene.path("out").join(name(3)), b"precious").unwrap();
+    let mut watch = scene.watch(&["--frames", "1-3", "--window", "1"]);
+    watch.until("both errors", |w| w.named("error").len() == 2 && w.denoised() == [1]);
+    let text = format!("{:?}", watch.named("error"));
+    assert!(text.contains("Vector") && text.contains("move it away"), "{text}");
+    assert_eq!(fs::read(scene.path("out").join(name(3))).unwrap(), b"precious");
+    scene.land(2);
+    watch.until("the frame and its neighbour", |w| w.denoised() == [1, 1, 2] || w.denoised() == [1, 2, 1]);
+    watch.stop();
+}
+
+#[test]
+fn settings_that_cannot_be_read_hold_up_their_own_shot_alone() {
+    let scene = Scene::new();
+    fs::create_dir(scene.path("in/bad")).unwrap();
+    fs::write(scene.path("in/bad/hush.toml"), "lambda = 0.5\n").unwrap();
+    write_frame(&scene.path("in/bad/s_1.exr"), 1, Look::default());
+    scene.land(1);
+    let mut watch = scene.watch(&["--settle", "0.5"]);
+    watch.until("the other shot and a warning", |w| w.denoised().len() == 1 && !w.named("warning").is_empty());
+    let warning = format!("{:?}", watch.named("warning"));
+    assert!(warning.contains("bad/s_#.exr") && warning.contains("hush.toml"), "{warning}");
+    fs::write(scene.path("in/bad/hush.toml"), "lambda = 4.0\n").unwrap();
+    watch.until("the mended shot", |w| w.named("frame").last().is_some_and(|f| f["shot"] == "bad/s_#.exr" && f["lambda"] == 4.0));
+    watch.stop();
+}
+
+#[test]
+fn an_output_folder_that_cannot_be_written_is_waited_for() {
+    let scene = Scene::new();
+    fs::create_dir(scene.path("in/a")).unwrap();
+    fs::create_dir(scene.path("out")).unwrap();
+    fs::write(scene.path("out/a"), b"a file where a folder belongs").unwrap();
+    write_frame(&scene.path("in/a").join(name(1)), 1, Look::default());
+    let mut watch = scene.watch(&["--frames", "1"]);
+    watch.until("a word about it", |w| !w.named("paused").is_empty());
+    fs::remove_file(scene.path("out/a")).unwrap();
+    watch.until_done(1);
+    watch.stop();
+    assert_eq!(scene.names("out/a"), [name(1)]);
+}
+
+#[test]
+fn wrong_usage_is_refused() {
+    let scene = Scene::new();
+    scene.land(1);
+    for (args, expected) in [
+        (vec!["in", "-o", "in"], "would be overwritten"),
+        (vec!["in", "-o", "."], "would be overwritten"),
+        (vec!["in/f_0001.exr", "-o", "out"], "name the folder"),
+        (vec!["nowhere", "-o", "out", "--once"], "no such folder"),
+        (vec!["in", "-o", "out", "--settle", "soon"], "seconds"),
+        (vec!["in", "-o", "out", "--window", "9"], "too wide"),
+        (vec!["in/sub_####.exr", "-o", "out", "--once"], "holds no .exr"),
+    ] {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_hush"));
+        let output = command.current_dir(scene.dir.path()).arg("watch").args(&args).output().unwrap();
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.code() == Some(1) && text.contains(expected), "{args:?}: {text}");
+    }
+}
