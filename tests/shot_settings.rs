@@ -1,5 +1,7 @@
 //! Settings from a USD stage, from the file beside the frames and from the command line, as the command uses and shows them.
 
+#![cfg(feature = "usd")]
+
 mod common;
 
 use std::path::Path;

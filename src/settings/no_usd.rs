@@ -28,3 +28,14 @@ pub fn read(stage: &StageRef) -> Result<Layered> {
 pub fn write(path: &Path, _: &Layered, _: Option<&str>, _: Option<&Path>) -> Result<String> {
     Err(Error::bad_file(path, ADVICE))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_message_says_where_the_settings_can_go() {
+        let message = read(&"shot.usda".parse().unwrap()).unwrap_err().to_string();
+        assert!(message.contains("shot.usda") && message.contains("hush.toml"), "{message}");
+    }
+}
