@@ -43,6 +43,13 @@ fn unescaped(text: &str) -> String {
             Some('n') => '\n',
             Some('r') => '\r',
             Some('t') => '\t',
+            Some('x') => match letters.as_str().get(1..3).and_then(|hex| u8::from_str_radix(hex, 16).ok()) {
+                Some(code) if code.is_ascii() => {
+                    letters.nth(1);
+                    char::from(code)
+                }
+                _ => 'x',
+            },
             _ => {
                 plain.push(letter);
                 continue;
@@ -56,7 +63,13 @@ fn unescaped(text: &str) -> String {
 
 /// A text as it has to be written so that USD, which knows escapes, and openusd with [`as_meant`] read it back.
 pub(super) fn escaped(text: &str) -> String {
-    text.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n").replace('\r', "\\r")
+    let plain = text.replace('\\', "\\\\").replace('\n', "\\n").replace('\r', "\\r");
+    // Around both kinds of quotes openusd writes three, which it cannot read back.
+    if text.contains('"') && text.contains('\'') {
+        plain.replace('\'', "\\x27").replace('"', "\\x22")
+    } else {
+        plain.replace('"', "\\\"")
+    }
 }
 
 /// A number; whole ones count too.
@@ -113,9 +126,12 @@ mod tests {
 
     #[test]
     fn escapes_are_undone() {
-        for text in ["", "plain", "back\\slash", "C:\\new\\table", "quo\"te's", "two\nlines", "ends with \\", "\\\\server"] {
+        for text in
+            ["", "plain", "back\\slash", "C:\\new\\table", "quo\"te's", "\"", "'", "two\nlines", "ends with \\", "\\\\server"]
+        {
             assert_eq!(unescaped(&escaped(text)), text);
         }
-        assert_eq!(unescaped("C:\\dir\\x41"), "C:\\dir\\x41", "escapes that are not known stay");
+        assert_eq!(unescaped("C:\\dir\\x41"), "C:\\dirA");
+        assert_eq!(unescaped("\\q \\x4 \\xé"), "\\q x4 xé", "as USD has it");
     }
 }
