@@ -12,6 +12,7 @@ from torch import Tensor
 
 AGREEMENT_LIMIT = 4.0
 FIREFLY = 1000.0
+Chain = tuple[Tensor, Tensor, Tensor]
 
 
 def displacements(vector: Tensor) -> tuple[Tensor, Tensor]:
@@ -40,7 +41,7 @@ def advance(position: Tensor, displacement: Tensor) -> Tensor:
     return position + displacement[:, y, x]
 
 
-def chain(vectors: dict[int, Tensor], offset: int) -> tuple[Tensor, Tensor, Tensor]:
+def chain(vectors: dict[int, Tensor], offset: int) -> Chain:
     """Positions in frame t+offset, trust, and how far the way back misses its start (pixels, at most AGREEMENT_LIMIT).
 
     vectors: frame offset → Vector pass (4, H, W).
@@ -89,15 +90,15 @@ def depth_scale(depth: Tensor, valid: Tensor) -> float:
 
 
 def neighbour(
-    offset: int, vectors: dict[int, Tensor], colour: Tensor, albedo: Tensor, depth: Tensor, valid: Tensor, centre: tuple[Tensor, Tensor]
+    path: Chain, offset: int, colour: Tensor, albedo: Tensor, depth: Tensor, valid: Tensor, centre: tuple[Tensor, Tensor]
 ) -> dict[str, Tensor]:
     """One neighbour, seen from the centre frame.
 
-    colour (3, H, W) demodulated, albedo (3, H, W) plus ε as used to demodulate, depth (1, H, W) scaled, valid (1, H, W): the
-    neighbour's; centre: the centre frame's albedo and depth. Returns warped `colour`, `albedo`, `valid` at full resolution,
+    path: `chain` to it; colour (3, H, W) demodulated, albedo (3, H, W) plus ε as used to demodulate, depth (1, H, W) scaled, valid
+    (1, H, W): the neighbour's; centre: the centre frame's albedo and depth. Returns warped `colour`, `albedo`, `valid` at full resolution,
     `position` (2, h, w) and `extras` (EXTRAS, h, w) at half resolution.
     """
-    position, trust, miss = chain(vectors, offset)
+    position, trust, miss = path
     safe = position.nan_to_num(0.0)
     source = torch.cat((colour, albedo, depth, 1.0 - valid))[None]
     sampled = warped(source, safe[None])[0]
@@ -106,7 +107,7 @@ def neighbour(
     a0, z0 = centre
     albedo_miss = (sampled[3:6] - a0).abs() * trusted
     depth_miss = (torch.log1p(sampled[6:7]) - torch.log1p(z0)).abs().clamp(max=1.0) * trusted
-    distance = torch.full_like(trusted, min(abs(offset), 2) / 2)
+    distance = torch.full_like(trusted, abs(offset) / 2)
     maps = torch.cat((trusted, albedo_miss, depth_miss, miss[None] / AGREEMENT_LIMIT * trusted, distance))
     h, w = trusted.shape[-2:]
     start = grid(h // 2, w // 2)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import torch
 import torch.nn.functional as F
-from data import CENTRE, Shot, prepare
+from data import Shot, prepare
 from model import Architecture, Hush
 from safetensors.torch import save_file
 from torch import Tensor
@@ -48,14 +48,14 @@ def random_shot(rows: int, columns: int, generator: torch.Generator) -> tuple[Sh
     rand = lambda *s: torch.rand(*s, generator=generator)
     smooth = lambda c: F.interpolate(rand(5, c, 3, 4), size=(rows, columns), mode="bilinear", align_corners=True)
     colour = smooth(3) * 2.0 * (0.3 + rand(5, 3, rows, columns)) * torch.exp2(rand(5, 1, 1, 1) * 4 - 2)
-    shot = Shot(0, 1, colour, smooth(3), smooth(3) * 2 - 1, smooth(1) * 9 - 2, (smooth(4) - 0.5) * 9, colour[0])
+    shot = Shot(0, 1, colour, smooth(3), smooth(3) * 2 - 1, smooth(1) * 9 - 2, (smooth(4) - 0.5) * 9, {})
     valid = torch.ones(5, 1, rows, columns)
     valid[:, :, rows // 2, columns // 3] = 0
     valid[1, :, 0, 0] = 0
     shot.colour = shot.colour * valid
     up = lambda n: -(-n // 8) * 8
     pad = lambda x: padded(x, up(rows), up(columns))
-    whole = Shot(0, 1, pad(shot.colour), pad(shot.albedo), pad(shot.normal), pad(shot.depth), pad(shot.vector), colour[0])
+    whole = Shot(0, 1, pad(shot.colour), pad(shot.albedo), pad(shot.normal), pad(shot.depth), pad(shot.vector), {})
     return whole, F.pad(valid, (0, up(columns) - columns, 0, up(rows) - rows))
 
 
@@ -86,7 +86,7 @@ def case(net: Hush, rows: int, columns: int, offsets: tuple[int, ...], lam: floa
         "vector": crop(shot.vector), "lambda": torch.tensor([lam]), "offsets": torch.tensor(offsets or [0]),
         "features": stages["features"], "half_features": stages["half_features"], "quarter_features": stages["quarter_features"],
         "quarter": crop(result["quarter"][0], 4), "half": crop(result["half"][0], 2), "image": crop(result["image"][0]),
-        "centre": torch.tensor([CENTRE]),
+        "centre": torch.tensor([shot.centre]),
     }  # fmt: skip
 
 

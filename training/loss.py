@@ -16,3 +16,11 @@ def asymmetric(denoised: Tensor, reference: Tensor, noisy: Tensor, lam: Tensor) 
     """ℓ'λ(d, r, c) = ℓ(d, r)·(1 + (λ−1)·H((d−r)(r−c))): λ times the price for leaving the noisy colour's side."""
     crossed = ((denoised - reference) * (reference - noisy) > 0).to(denoised.dtype)
     return smape(denoised, reference) * (1.0 + (lam.view(-1, 1, 1, 1) - 1.0) * crossed)
+
+
+def flicker(denoised: Tensor, reference: Tensor, before: Tensor, followed: Tensor) -> Tensor:
+    """|Δd − Δr| / (|d| + |r| + ε) by pixel and channel, as `src/metrics/flicker.rs`; 0 where the way back leaves the frame.
+
+    before: the last frame's error d − r, warped to this frame; followed (B, 1, H, W) in {0, 1}.
+    """
+    return (denoised - reference - before).abs() / (denoised.abs() + reference.abs() + EPSILON) * followed

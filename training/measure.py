@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 import torch
-from data import CENTRE, Shot, read_split
+from data import Shot, read_split
 from loss import smape
 from peers import rel_mse
 from torch import Tensor
@@ -51,7 +51,7 @@ def read_beauty(path: Path) -> Tensor:
 
 def main() -> None:
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    p.add_argument("--shots", type=Path, required=True, help="folder of NNNNNN.npz; seeds divisible by 8 are measured")
+    p.add_argument("--shots", type=Path, nargs="+", required=True, help="folders of NNNNNN.npz; seeds divisible by 8 are measured")
     p.add_argument("--hush", type=Path, required=True, help="the program")
     p.add_argument("--lambda", dest="lam", type=float, default=1.0)
     a = p.parse_args()
@@ -64,15 +64,15 @@ def main() -> None:
         def score(image: Tensor, reference: Tensor = reference * gain, gain: Tensor = gain) -> tuple[float, float]:
             return float(smape(image * gain, reference).mean()), float(rel_mse(image * gain, reference).mean())
 
-        scores["noisy"].append(score(shot.colour[CENTRE].clamp_min(0)))
+        scores["noisy"].append(score(shot.colour[shot.centre].clamp_min(0)))
         with tempfile.TemporaryDirectory() as folder:
             for index in range(shot.colour.shape[0]):
                 write_frame(shot, index, Path(folder) / f"frame_{index:04d}.exr")
             for window in WINDOWS:
                 out = Path(folder) / f"window{window}"
-                options = ["--window", str(window), "--frames", str(CENTRE), "--lambda", str(a.lam), "--quiet"]
+                options = ["--window", str(window), "--frames", str(shot.centre), "--lambda", str(a.lam), "--quiet"]
                 subprocess.run([a.hush, "denoise", folder, "--output", out, *options], check=True)
-                scores[f"window {window}"].append(score(read_beauty(out / f"frame_{CENTRE:04d}.exr")))
+                scores[f"window {window}"].append(score(read_beauty(out / f"frame_{shot.centre:04d}.exr")))
     print(f"| {len(held)} shots | SMAPE | relMSE |\n|---|---|---|")
     for name, values in scores.items():
         mean = np.mean(values, 0)

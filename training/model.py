@@ -95,9 +95,22 @@ def pixel_taps(image: Tensor, size: int) -> Tensor:
     return F.unfold(image, size, padding=size // 2).view(b, c, size * size, h, w)
 
 
-def weighted(weights: Tensor, taps: Tensor) -> Tensor:
-    """Σₖ of weights (B, K, H, W) times taps (B, C, K, H, W): (B, C, H, W)."""
-    return (weights[:, None] * taps).sum(2)
+def kernel_average(
+    logits: Tensor, images: Tensor, valid: Tensor, sizes: tuple[int, ...], coarse: tuple[Tensor, Tensor] | None = None, coarse_taps: int = 0
+) -> tuple[Tensor, Tensor]:
+    """One softmax over the taps of all frames and of the coarser level, and its weighted average.
+
+    logits (B, K, H, W): size² of each frame, rows first, then coarse_taps² of the coarser level; images (B, T, 3, H, W);
+    valid (B, T, 1, H, W) in {0, 1}; coarse: image (B, 3, H/2, W/2) and mask. Returns the average (B, 3, H, W), 0 where no tap is
+    valid, and the sum of the weights (B, 1, H, W).
+    """
+    taps = [pixel_taps(torch.cat((images[:, k], valid[:, k]), 1), size) for k, size in enumerate(sizes)]
+    if coarse is not None:
+        taps.append(pixel_taps(torch.cat(coarse, 1), coarse_taps).repeat_interleave(2, -1).repeat_interleave(2, -2))
+    every = torch.cat(taps, 2)
+    weights = torch.exp(logits.float().clamp(-LOGIT_LIMIT, LOGIT_LIMIT)) * every[:, 3]
+    norm = weights.sum(1, keepdim=True)
+    return (weights[:, None] * every[:, :3]).sum(2) / norm.clamp_min(1e-30), norm
 
 
 def upsampled(image: Tensor) -> Tensor:
@@ -128,7 +141,9 @@ def warped(source: Tensor, position: Tensor) -> Tensor:
 
 
 class Hush(nn.Module):
-    """The whole network. `forward` takes one centre frame and n ≥ 0 neighbours."""
+    """The whole network. `forward` takes one centre frame and n ≥ 0 neighbours; `average` applies the kernels."""
+
+    average = staticmethod(kernel_average)
 
     def __init__(self, arch: Architecture | None = None) -> None:
         super().__init__()
@@ -180,17 +195,24 @@ class Hush(nn.Module):
         half = self.half_out(self.lambda_half(half, lam))
         return half, quarter
 
-    def forward(self, batch: dict[str, Tensor], lam: Tensor) -> dict[str, Tensor]:
-        """Denoise the centre frames.
+    def encode(self, inputs: Tensor) -> Tensor:
+        """(B, F, 10, H, W) inputs to (B, F, features, H/2, W/2)."""
+        return self.encoder(inputs.flatten(0, 1)).unflatten(0, inputs.shape[:2])
 
-        batch: `inputs` (B, T, 10, H, W), centre first; `colour` (B, T, 3, H, W) demodulated and `albedo` (B, T, 3, H, W),
-        neighbours already warped; `valid` (B, T, 1, H, W) in {0, 1}; `position` (B, T−1, 2, h, w) where each neighbour's
-        features are sampled; `extras` (B, T−1, EXTRAS, h, w), channel 0 the trust.
+    def forward(self, batch: dict[str, Tensor], lam: Tensor) -> dict[str, Tensor]:
+        """Denoise the centre frames: `encode`, then `denoise`. batch also has `inputs` (B, T, 10, H, W), centre first."""
+        return self.denoise(self.encode(batch["inputs"]), batch, lam)
+
+    def denoise(self, features: Tensor, batch: dict[str, Tensor], lam: Tensor) -> dict[str, Tensor]:
+        """From the features (B, T, features, h, w), centre first.
+
+        batch: `colour` (B, T, 3, H, W) demodulated and `albedo` (B, T, 3, H, W), neighbours already warped; `valid`
+        (B, T, 1, H, W) in {0, 1}; `position` (B, T−1, 2, h, w) where each neighbour's features are sampled; `extras`
+        (B, T−1, EXTRAS, h, w), channel 0 the trust.
         Returns `image` (B, 3, H, W) and the demodulated `colour`, `half`, `quarter` and the filtered `albedo`.
         """
         a = self.arch
-        b, t = batch["inputs"].shape[:2]
-        features = self.encoder(batch["inputs"].flatten(0, 1)).unflatten(0, (b, t))
+        t = features.shape[1]
         pairs = [
             torch.cat((warped(features[:, k], batch["position"][:, k - 1]), batch["extras"][:, k - 1].to(features.dtype)), 1)
             for k in range(1, t)
@@ -198,68 +220,41 @@ class Hush(nn.Module):
         half, quarter = self.trunk(features[:, 0], pairs, lam)
         half, quarter = F.relu(half), F.relu(quarter)
         head = self.head_half(half)
-        n_centre, n_near, n_coarse = a.centre_taps**2, a.neighbour_taps**2, a.coarse_taps**2
-        per_pixel = n_centre + n_coarse + a.albedo_taps**2
-        full_logits = subpixels(head[:, : 4 * per_pixel])
-        half_logits = head[:, 4 * per_pixel :]
-        quarter_logits = self.head_quarter(quarter)
+        n_centre, n_near, n_coarse, n_albedo = a.centre_taps**2, a.neighbour_taps**2, a.coarse_taps**2, a.albedo_taps**2
+        per_pixel = n_centre + n_coarse + n_albedo
+        full = subpixels(head[:, : 4 * per_pixel]).split((n_centre, n_coarse, n_albedo), 1)
+        half_logits = head[:, 4 * per_pixel :].split((n_centre, n_coarse), 1)
         near_full, near_half, near_quarter, near_albedo = [], [], [], []
         half_base, quarter_base = self.pair_half_centre(half), self.pair_quarter_centre(quarter)
         for pair in pairs:
             h = self.pair_half_head(F.relu(half_base + self.pair_half_neighbour(pair)))
-            full = subpixels(h[:, : 4 * (n_near + 1)])
-            near_full.append(full[:, :n_near])
-            near_albedo.append(full[:, n_near:])
+            near = subpixels(h[:, : 4 * (n_near + 1)])
+            near_full.append(near[:, :n_near])
+            near_albedo.append(near[:, n_near:])
             near_half.append(h[:, 4 * (n_near + 1) :])
             q = F.relu(quarter_base + self.pair_quarter_neighbour(F.avg_pool2d(pair, 2)))
             near_quarter.append(self.pair_quarter_head(q))
 
-        colour = [batch["colour"][:, k].float() for k in range(t)]
-        valid = [batch["valid"][:, k].float() for k in range(t)]
-        down_half = [down(c, v) for c, v in zip(colour, valid, strict=True)]
-        down_quarter = [down(c, v) for c, v in down_half]
-        out_quarter = self.apply(quarter_logits, near_quarter, down_quarter, None)
-        out_half = self.apply(half_logits, near_half, down_half, out_quarter)
-        out, _ = self.apply(full_logits[:, : n_centre + n_coarse], near_full, list(zip(colour, valid, strict=True)), out_half)
-        albedo = self.filtered_albedo(full_logits[:, n_centre + n_coarse :], near_albedo, batch["albedo"].float(), batch["valid"].float())
+        images = [(batch["colour"].float(), batch["valid"].float())]
+        for _ in range(2):
+            image, mask = down(images[-1][0].flatten(0, 1), images[-1][1].flatten(0, 1))
+            images.append((image.unflatten(0, (-1, t)), mask.unflatten(0, (-1, t))))
+        sizes = (a.centre_taps, *[a.neighbour_taps] * (t - 1))
+
+        def level(k: int, parts: list[Tensor], coarse: tuple[Tensor, Tensor] | None) -> tuple[Tensor, Tensor]:
+            """One pyramid level and where any tap was valid: holes are filled from the coarser levels.
+
+            The coarse taps are the paper's blend: their summed weight is α, their shares a predicted up-sampling kernel, so
+            o = (1 − α)·f + α·U(o_coarse) is a weighted average of rendered pixels.
+            """
+            out, norm = self.average(torch.cat(parts, 1), *images[k], sizes, coarse, a.coarse_taps)
+            return out, (norm > 0).float()
+
+        out_quarter = level(2, [self.head_quarter(quarter), *near_quarter], None)
+        out_half = level(1, [half_logits[0], *near_half, half_logits[1]], out_quarter)
+        out, _ = level(0, [full[0], *near_full, full[1]], out_half)
+        albedo, norm = self.average(
+            torch.cat((full[2], *near_albedo), 1), batch["albedo"].float(), images[0][1], (a.albedo_taps, *[1] * (t - 1))
+        )
+        albedo = torch.where(norm > 0, albedo, batch["albedo"][:, 0].float())
         return {"image": out * albedo, "colour": out, "half": out_half[0], "quarter": out_quarter[0], "albedo": albedo}
-
-    def apply(
-        self, logits: Tensor, near: list[Tensor], images: list[tuple[Tensor, Tensor]], coarse: tuple[Tensor, Tensor] | None
-    ) -> tuple[Tensor, Tensor]:
-        """Kernel application at one pyramid level, the joint softmax over centre, neighbour and coarser-level taps.
-
-        Returns the image and where any tap was valid: holes are filled from the coarser levels.
-
-        The coarse taps are the paper's blend: their summed weight is α, their shares a predicted up-sampling kernel, so
-        o = (1 − α)·f + α·U(o_coarse) is a weighted average of rendered pixels.
-        """
-        a = self.arch
-        n = a.centre_taps**2
-        parts: list[tuple[Tensor, Tensor, int]] = [(images[0][0], images[0][1], a.centre_taps)]
-        parts += [(image, valid, a.neighbour_taps) for image, valid in images[1:]]
-        all_logits = [logits[:, :n], *near]
-        total = torch.zeros((), device=logits.device)
-        norm = torch.zeros((), device=logits.device)
-        for (image, valid, size), part in zip(parts, all_logits, strict=True):
-            w = torch.exp(part.float().clamp(-LOGIT_LIMIT, LOGIT_LIMIT)) * pixel_taps(valid, size)[:, 0]
-            total = total + weighted(w, pixel_taps(image, size))
-            norm = norm + w.sum(1, keepdim=True)
-        if coarse is not None:
-            taps = pixel_taps(torch.cat(coarse, 1), a.coarse_taps).repeat_interleave(2, -1).repeat_interleave(2, -2)
-            w = torch.exp(logits[:, n:].float().clamp(-LOGIT_LIMIT, LOGIT_LIMIT)) * taps[:, 3]
-            total = total + weighted(w, taps[:, :3])
-            norm = norm + w.sum(1, keepdim=True)
-        return total / norm.clamp_min(1e-30), (norm > 0).float()
-
-    def filtered_albedo(self, logits: Tensor, near: list[Tensor], albedo: Tensor, valid: Tensor) -> Tensor:
-        """The albedo that is multiplied back: a kernel over the centre's taps and one tap of each warped neighbour."""
-        size = self.arch.albedo_taps
-        w = torch.exp(logits.float().clamp(-LOGIT_LIMIT, LOGIT_LIMIT)) * pixel_taps(valid[:, 0], size)[:, 0]
-        total = weighted(w, pixel_taps(albedo[:, 0], size))
-        norm = w.sum(1, keepdim=True)
-        for k, part in enumerate(near, 1):
-            w = torch.exp(part.float().clamp(-LOGIT_LIMIT, LOGIT_LIMIT)) * valid[:, k]
-            total = total + w * albedo[:, k]
-            norm = norm + w
-        return torch.where(norm > 0, total / norm.clamp_min(1e-30), albedo[:, 0])

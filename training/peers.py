@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pyoidn
 import torch
-from data import CENTRE, Shot, prepare, read_split
+from data import Shot, prepare, read_split
 from loss import smape
 from numpy.typing import NDArray
 from torch import Tensor
@@ -57,9 +57,9 @@ def interleaved(planes: Tensor) -> Image:
 
 def denoised(device: pyoidn.Device, shot: Shot) -> dict[str, Tensor]:
     """The middle frame of a shot by every method, (3, H, W)."""
-    colour = interleaved(shot.colour[CENTRE].clamp_min(0))
-    albedo = interleaved(shot.albedo[CENTRE].clamp(0, 1))
-    normal = interleaved(shot.normal[CENTRE])
+    colour = interleaved(shot.colour[shot.centre].clamp_min(0))
+    albedo = interleaved(shot.albedo[shot.centre].clamp(0, 1))
+    normal = interleaved(shot.normal[shot.centre])
     high = run_filter(device, {"color": colour, "albedo": albedo, "normal": normal}, True, False)
     clean_albedo = run_filter(device, {"albedo": albedo}, False, False)
     clean_normal = run_filter(device, {"normal": normal}, False, False)
@@ -69,7 +69,7 @@ def denoised(device: pyoidn.Device, shot: Shot) -> dict[str, Tensor]:
 
 def main() -> None:
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    p.add_argument("--shots", type=Path, required=True, help="folder of NNNNNN.npz; seeds divisible by 8 are measured")
+    p.add_argument("--shots", type=Path, nargs="+", required=True, help="folders of NNNNNN.npz; seeds divisible by 8 are measured")
     p.add_argument("--threads", type=int, default=1)
     a = p.parse_args()
     torch.set_num_threads(a.threads)

@@ -91,7 +91,7 @@ def shot(seed: int, size: int, threads: int, scratch: Path, assets: Assets, targ
         return f"{seed} skipped: {why}"
     noisy = [render(scratch, scenes.MIDDLE + k, samples, r.randrange(1 << 30), adaptive) for k in range(-(FRAMES // 2), FRAMES // 2 + 1)]
     halfway = time.perf_counter()
-    reference, before = (render(scratch, scenes.MIDDLE + k, 448, r.randrange(1 << 30), 0.012, 96, 48.0) for k in (0, -1))
+    reference, before = (render(scratch, scenes.MIDDLE + k, 224, r.randrange(1 << 30), 0.016, 48, 40.0) for k in (0, -1))
     done = time.perf_counter()
     stacked = {name: np.stack([frame[name] for frame in noisy]) for name in LAYERS}
     aside = target.with_suffix(".part.npz")

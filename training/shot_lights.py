@@ -41,7 +41,7 @@ def environment(r: random.Random, scene: bpy.types.Scene, kind: str, assets: Ass
 
 def lamp(r: random.Random, scene: bpy.types.Scene, kind: str, size: float) -> bpy.types.Object:
     """One lamp that looks roughly at the middle of the scene."""
-    sort = r.choice(["AREA", "AREA", "POINT", "SPOT", "SUN"]) if kind != "room" else r.choice(["AREA", "AREA", "POINT", "SPOT"])
+    sort = r.choice(["AREA", "AREA", "POINT", "SPOT", "SUN"])  # in a room the sun needs an opening, and three of five have one
     light = bpy.data.lights.new("l", sort)
     light.color = colour(r, 0.6, 1, r.random() * 0.6)[:3]
     thing = bpy.data.objects.new("l", light)

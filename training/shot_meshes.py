@@ -1,13 +1,16 @@
-"""Random things to put into a training shot: solids, Suzanne, lettering, strands, cloth, grids, models."""
+"""Random things to put into a training shot: solids, Suzanne, lettering, strands, foliage, cloth, grids, models."""
 
 from __future__ import annotations
 
+import math
 import random
 
 import bpy
+from mathutils import Euler, Vector
 from shot_assets import Assets
 
 KINDS = ["cube", "sphere", "ico", "cyl", "cone", "torus", "monkey", "text", "glb", "strands", "cube", "sphere", "cloth", "array"]
+KINDS += ["foliage", "foliage", "strands"]
 
 
 def solid(r: random.Random, kind: str) -> None:
@@ -77,6 +80,25 @@ def strands(r: random.Random) -> bpy.types.Object:
     return thing
 
 
+def foliage(r: random.Random) -> bpy.types.Object:
+    """Leaves, each two triangles with a crease, turned at random in a round or flat crown."""
+    count, length, flat = r.randint(150, 900), math.exp(r.uniform(-3.2, -1.2)), r.uniform(0.2, 1.0)
+    width, crease = length * r.uniform(0.1, 0.5), length * r.uniform(0.0, 0.2)
+    outline = [Vector(p) for p in ((0, 0, 0), (-width, length / 2, crease), (0, length, 0), (width, length / 2, crease))]
+    vertices, faces = [], []
+    for _ in range(count):
+        stem = Vector((r.gauss(0, 0.4), r.gauss(0, 0.4), r.gauss(0, 0.4) * flat))
+        turn = Euler((r.gauss(0, 0.7), r.gauss(0, 0.7), r.uniform(0, 6.28))).to_matrix()
+        first = len(vertices)
+        vertices += [stem + turn @ corner for corner in outline]
+        faces += [(first, first + 1, first + 2), (first, first + 2, first + 3)]
+    leaves = bpy.data.meshes.new("leaves")
+    leaves.from_pydata(vertices, [], faces)
+    thing = bpy.data.objects.new("leaves", leaves)
+    bpy.context.collection.objects.link(thing)
+    return thing
+
+
 def cloth(r: random.Random) -> None:
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=60, y_subdivisions=60, size=2)
     bpy.ops.object.shade_smooth()
@@ -103,6 +125,8 @@ def mesh(r: random.Random, assets: Assets) -> bpy.types.Object:
         return model(r, assets)
     if kind == "strands":
         return strands(r)
+    if kind == "foliage":
+        return foliage(r)
     if kind == "text":
         lettering(r)
     elif kind == "cloth":

@@ -1,80 +1,125 @@
 """Trains the network. Resumable: start it again with the same folder and it goes on.
 
-python train.py --shots shots --out runs/first --hours 2
+python train.py --shots shots --out runs/first --hours 2 --fused
 """
 
 from __future__ import annotations
 
 import argparse
+import ctypes
 import json
 import math
 import os
 import random
 import time
-from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
 from pathlib import Path
 
+import fused
 import torch
 import torch.nn.functional as F
-from data import OFFSETS, Guides, Shot, cropped, oriented, prepare, read_split
-from loss import asymmetric, smape
-from model import LAMBDA_MAX, Architecture, Hush
+from data import OFFSETS, Guides, Shot, frames, is_held, oriented, prepare, read_shot, shot_paths, view
+from loss import asymmetric, flicker, smape
+from model import LAMBDA_MAX, Architecture, Hush, warped
 from torch import Tensor
 from torch.optim import AdamW
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
+Batch = dict[str, Tensor]
+M_TRIM_THRESHOLD, M_TOP_PAD, M_MMAP_THRESHOLD = -1, -2, -3  # of malloc.h
 
-def example(r: random.Random, shots: list[Shot], size: int) -> dict[str, Tensor]:
-    """One random crop, augmented: mirrored, tinted, guides and neighbours dropped at random."""
-    shot = oriented(r.choice(shots), r.random() < 0.5, r.random() < 0.5, r.random() < 0.5)
+
+def augmented(r: random.Random, shot: Shot) -> Shot:
+    """The shot mirrored, its channels in another order, tinted."""
+    shot = oriented(shot, r.random() < 0.5, r.random() < 0.5, r.random() < 0.5)
     order = r.sample(range(3), 3)
     tint = torch.tensor([math.exp(r.gauss(0, 0.25)) for _ in range(3)]).view(3, 1, 1)
     shot.colour = shot.colour[:, order] * tint
-    shot.reference = shot.reference[order] * tint
+    shot.references = {k: x[order] * tint for k, x in shot.references.items()}
     shot.albedo = shot.albedo[:, order]
-    guides = Guides(r.random() >= 0.08, r.random() >= 0.12, r.random() >= 0.12)
-    batch = prepare(shot, OFFSETS, guides)
-    h, w = batch["noisy"].shape[-2:]
-    row, column = 8 * r.randint(0, (h - size) // 8), 8 * r.randint(0, (w - size) // 8)
-    batch = cropped(batch, row, column, size)
-    drop = r.random()
-    if drop < 0.3:
-        keep = 0.0 if drop < 0.12 else 0.5
-        gone = torch.tensor([float(r.random() < keep) for _ in OFFSETS]).view(-1, 1, 1, 1)
-        batch["extras"][:, :6] *= gone
+    return shot
+
+
+def neighbours(r: random.Random, shot: Shot) -> tuple[int, ...]:
+    """Most often ±1 and ±2; sometimes four from up to ±3, where the shot has them."""
+    near = shot.window(shot.centre)
+    return OFFSETS if len(near) == len(OFFSETS) or r.random() < 0.85 else tuple(r.sample(near, len(OFFSETS)))
+
+
+def example(r: random.Random, shot: Shot) -> tuple[Tensor, list[Batch], Tensor]:
+    """One shot, augmented, guides and neighbours dropped at random: the frames' inputs, a view of each frame that has a reference,
+    the later one first, and λ."""
+    shot = augmented(r, shot)
+    of = frames(shot, Guides(r.random() >= 0.08, r.random() >= 0.12, r.random() >= 0.12))
+    offsets, drop = neighbours(r, shot), r.random()
+    keep = 0.0 if drop < 0.12 else 0.5 if drop < 0.3 else 1.0
+    gone = torch.tensor([float(r.random() < keep) for _ in offsets]).view(-1, 1, 1, 1)
+    views = []
+    for centre in sorted(shot.references, reverse=True):
+        # The frame before sees the same frames as far as it reaches, and mirrors the rest.
+        reach = [k if 0 <= centre + k < len(shot.depth) else -k for k in offsets]
+        seen = view(shot, of, centre, reach)
+        seen["extras"][:, :6] *= gone
         for name in ("valid", "colour", "albedo"):
-            batch[name] = torch.cat((batch[name][:1], batch[name][1:] * gone))
-    lam = 1.0 if r.random() < 0.5 else LAMBDA_MAX ** r.random()
-    batch["lam"] = torch.tensor(lam)
-    return batch
+            seen[name] = torch.cat((seen[name][:1], seen[name][1:] * gone))
+        seen["frames"] = torch.tensor([centre, *(centre + k for k in reach)])
+        views.append(seen)
+    if len(views) > 1:
+        position, trust, _ = shot.path(shot.centre, -1)
+        views[0] |= {"before": position.nan_to_num(0.0), "followed": trust[None].float()}
+    return of.inputs, views, torch.tensor(1.0 if r.random() < 0.5 else LAMBDA_MAX ** r.random())
 
 
-def collate(parts: list[dict[str, Tensor]]) -> dict[str, Tensor]:
+def collate(parts: list[Batch]) -> Batch:
     return {k: torch.stack([p[k] for p in parts]) for k in parts[0]}
 
 
-def objective(net: Hush, batch: dict[str, Tensor]) -> Tensor:
-    """The loss of a batch, on images scaled so that the reference's mean is 0.4.
+def batch_of(r: random.Random, shots: list[Shot], outputs: int) -> tuple[Tensor, list[Batch], Tensor]:
+    """Shots of the same kind, one or two references each, `outputs` denoised frames in all."""
+    kind = len(r.choice(shots).references)
+    alike = [s for s in shots if len(s.references) == kind]
+    inputs, views, lam = zip(*(example(r, r.choice(alike)) for _ in range(max(1, outputs // kind))), strict=True)
+    return torch.stack(inputs), [collate(list(v)) for v in zip(*views, strict=True)], torch.stack(lam)
+
+
+def still_loss(out: Batch, view: Batch, lam: Tensor) -> Tensor:
+    """The loss of one frame, on images scaled so that the reference's mean is 0.4.
 
     The asymmetric loss of the final image, weighted 2 / (1 + √λ) so that no λ outweighs the others; 0.1 and 0.05 of the SMAPE of
     the demodulated half and quarter levels; 0.1 of the SMAPE of the final image at half resolution, against blotches.
     """
-    lam = batch["lam"]
-    out = net(batch, lam)
-    gain = batch["gain"].view(-1, 1, 1, 1)
-    reference, noisy = batch["reference"] * gain, batch["noisy"] * gain
+    gain = view["gain"].view(-1, 1, 1, 1)
+    reference, noisy = view["reference"] * gain, view["noisy"] * gain
     weight = (2.0 / (1.0 + lam.sqrt())).view(-1, 1, 1, 1)
     total = (asymmetric(out["image"] * gain, reference, noisy, lam) * weight).mean()
-    base = batch["reference"] / batch["albedo"][:, 0].clamp_min(0.05) * gain
+    base = view["reference"] / view["albedo"][:, 0].clamp_min(0.05) * gain
     for level, share in (("half", 0.1), ("quarter", 0.05)):
         base = F.avg_pool2d(base, 2)
         total = total + share * smape(out[level] * gain, base).mean()
     return total + 0.1 * smape(F.avg_pool2d(out["image"] * gain, 2), F.avg_pool2d(reference, 2)).mean()
 
 
+def temporal_loss(out: list[Batch], views: list[Batch], lam: Tensor) -> Tensor:
+    """`loss.flicker` of two frames in a row, 1 / λ of it: what noise is left to be seen flickers too."""
+    gain = views[0]["gain"].view(-1, 1, 1, 1)
+    now, before = ((o["image"] * gain, v["reference"] * gain) for o, v in zip(out, views, strict=True))
+    changes = flicker(*now, warped(before[0] - before[1], views[0]["before"]), views[0]["followed"])
+    return (changes / lam.view(-1, 1, 1, 1)).mean()
+
+
+def objective(net: Hush, inputs: Tensor, views: list[Batch], lam: Tensor, temporal: float) -> Tensor:
+    """The loss of a batch of shots: the mean of its frames', and `temporal` times the temporal loss where there are two."""
+    features = net.encode(inputs)
+    rows = torch.arange(len(inputs))[:, None]
+    out = [net.denoise(features[rows, v["frames"]], v, lam) for v in views]
+    total = sum(still_loss(o, v, lam) for o, v in zip(out, views, strict=True)) / len(views)
+    return total + temporal * temporal_loss(out, views, lam) if len(views) > 1 else total
+
+
 @torch.no_grad()
 def validate(net: Hush, shots: list[Shot], offsets: tuple[int, ...], lam: float = 1.0) -> float:
-    """Mean SMAPE over the shots' centre frames, the reference scaled to mean 0.4."""
+    """Mean SMAPE over the shots' middle frames, the reference scaled to mean 0.4."""
     total = 0.0
     for shot in shots:
         batch = collate([prepare(shot, offsets)])
@@ -84,16 +129,45 @@ def validate(net: Hush, shots: list[Shot], offsets: tuple[int, ...], lam: float 
     return total / len(shots)
 
 
+@torch.no_grad()
+def validate_flicker(net: Hush, shots: list[Shot], lam: float = 1.0) -> float:
+    """Mean flicker over the shots that have references of two frames; NaN where none has."""
+    paired = [s for s in shots if len(s.references) > 1]
+    total = 0.0
+    for shot in paired:
+        of = frames(shot)
+        out, views = [], []
+        for centre in (shot.centre, shot.centre - 1):
+            v = view(shot, of, centre, OFFSETS)
+            order = [centre, *(centre + k for k in OFFSETS)]
+            views.append(collate([v]))
+            out.append(net(views[-1] | {"inputs": of.inputs[order][None]}, torch.tensor([lam])))
+        position, trust, _ = shot.path(shot.centre, -1)
+        views[0] |= {"before": position.nan_to_num(0.0)[None], "followed": trust[None, None].float()}
+        total += float(temporal_loss(out, views, torch.tensor([1.0])))
+    return total / len(paired) if paired else math.nan
+
+
 @dataclass
 class Run:
-    """The state of a training run; `checkpoint.pt` in its folder holds all of it."""
+    """The state of a training run; `checkpoint.pt` in its folder holds all of it but the shots."""
 
     folder: Path
+    sources: list[Path]
     net: Hush
     mean: AveragedModel
     optimiser: AdamW
     step: int = 0
     spent: float = 0.0
+    shots: dict[int, Shot] = field(default_factory=dict)
+    held: dict[int, Shot] = field(default_factory=dict)
+
+    def find_shots(self) -> None:
+        """Reads the shots that came since the last time."""
+        for path in shot_paths(self.sources):
+            into = self.held if is_held(path) else self.shots
+            if int(path.stem) not in into:
+                into[int(path.stem)] = read_shot(path)
 
     def resume(self) -> None:
         """Goes on where the folder's checkpoint was written; from the start where there is none."""
@@ -106,52 +180,72 @@ class Run:
         self.optimiser.load_state_dict(state["optimiser"])
         self.step, self.spent = state["step"], state["spent"]
 
-    def record(self, held: list[Shot], loss: float) -> None:
+    def record(self, loss: float) -> None:
         """Validates the averaged weights, adds a line to log.jsonl and writes the checkpoint."""
-        net = self.mean.module
-        scores = {"window2": validate(net, held, OFFSETS), "window0": validate(net, held, ())}
-        line = json.dumps({"step": self.step, "spent": self.spent, "loss": loss, **scores})
+        net, held = self.mean.module, list(self.held.values())
+        scores = {"window2": validate(net, held, OFFSETS), "window0": validate(net, held, ()), "flicker": validate_flicker(net, held)}
+        counts = {"shots": len(self.shots), "held": len(held)}
+        line = json.dumps({"step": self.step, "spent": self.spent, "loss": loss, **scores, **counts})
         print(line, flush=True)
         with (self.folder / "log.jsonl").open("a") as log:
             log.write(line + "\n")
         parts = {"net": self.net.state_dict(), "mean": self.mean.state_dict(), "optimiser": self.optimiser.state_dict()}
         aside = self.folder / "checkpoint.tmp"
-        torch.save({**parts, "step": self.step, "spent": self.spent}, aside)
+        torch.save({**parts, "step": self.step, "spent": self.spent, "seeds": sorted(self.shots)}, aside)
         os.replace(aside, self.folder / "checkpoint.pt")
+
+
+def keep_memory() -> None:
+    """Keeps freed memory in the process: every step needs the same again, and the kernel's page faults cost a fifth of it (glibc)."""
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt:
+        for parameter, value in ((M_MMAP_THRESHOLD, 32 << 20), (M_TRIM_THRESHOLD, 2**31 - 1), (M_TOP_PAD, 256 << 20)):
+            mallopt(parameter, value)
 
 
 def main() -> None:
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    p.add_argument("--shots", type=Path, required=True)
+    p.add_argument("--shots", type=Path, nargs="+", required=True, help="folders of shots; new ones are read at every checkpoint")
     p.add_argument("--out", type=Path, required=True)
+    p.add_argument("--start", type=Path, help="a checkpoint whose averaged weights a new run starts from")
     p.add_argument("--hours", type=float, default=2.0, help="wall-clock hours of the whole schedule, resumed runs included")
-    p.add_argument("--batch", type=int, default=4)
-    p.add_argument("--crop", type=int, default=96)
+    p.add_argument("--steps", type=int, default=10**9, help="end the run there; the schedule stays")
+    p.add_argument("--batch", type=int, default=4, help="denoised frames a step")
     p.add_argument("--rate", type=float, default=1e-3)
+    p.add_argument("--temporal", type=float, default=0.25, help="share of the temporal loss")
     p.add_argument("--threads", type=int, default=1)
     p.add_argument("--bf16", action="store_true", help="convolutions in bfloat16 (fast on CPUs with AVX512-BF16)")
+    p.add_argument("--fused", action="store_true", help="apply the kernels in C++ (needs g++): twice as fast")
     p.add_argument("--every", type=int, default=1000, help="steps between checkpoints and validations")
     a = p.parse_args()
     torch.set_num_threads(a.threads)
+    keep_memory()
     a.out.mkdir(parents=True, exist_ok=True)
-    train, held = read_split(a.shots)
     torch.manual_seed(1)
     net = Hush(Architecture()).to(memory_format=torch.channels_last)
+    if a.start:
+        state = torch.load(a.start, weights_only=True)["mean"]
+        net.load_state_dict({k.removeprefix("module."): v for k, v in state.items() if k.startswith("module.")})
     mean = AveragedModel(net, multi_avg_fn=get_ema_multi_avg_fn(0.999))
+    if a.fused:
+        net.average = mean.module.average = fused.average
     optimiser = AdamW(net.parameters(), lr=a.rate, betas=(0.9, 0.99), weight_decay=1e-4)
-    run = Run(a.out, net, mean, optimiser)
+    run = Run(a.out, a.shots, net, mean, optimiser)
     run.resume()
+    run.find_shots()
     recorded = run.step
     r = random.Random(run.step + 17)
-    begun, running = time.monotonic() - run.spent, None
-    while (spent := time.monotonic() - begun) < a.hours * 3600:
+    prepared = ThreadPoolExecutor(1)
+    ahead = lambda: prepared.submit(batch_of, r, list(run.shots.values()), a.batch)
+    begun, running, coming = time.monotonic() - run.spent, None, ahead()
+    while (spent := time.monotonic() - begun) < a.hours * 3600 and run.step < a.steps:
         done = spent / (a.hours * 3600)
         rate = a.rate * min(1.0, (run.step + 1) / 200) * max(0.005, 0.5 * (1 + math.cos(math.pi * done)))
         for group in optimiser.param_groups:
             group["lr"] = rate
-        batch = collate([example(r, train, a.crop) for _ in range(a.batch)])
+        batch, coming = coming.result(), ahead()
         with torch.autocast("cpu", torch.bfloat16, enabled=a.bf16):
-            loss = objective(net, batch)
+            loss = objective(net, *batch, a.temporal)
         optimiser.zero_grad(set_to_none=True)
         loss.backward()
         norm = torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
@@ -165,11 +259,13 @@ def main() -> None:
         if run.step % 100 == 0:
             print(f"step {run.step} loss {running:.4f} rate {rate:.2e} {spent / run.step:.3f} s/step", flush=True)
         if run.step % a.every == 0:
-            run.record(held, running)
+            run.record(running)
+            run.find_shots()
             recorded = run.step
     if running is not None and run.step > recorded:
         run.spent = spent  # the schedule's end, so that starting again trains no further
-        run.record(held, running)
+        run.record(running)
+    prepared.shutdown()
 
 
 if __name__ == "__main__":

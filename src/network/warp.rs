@@ -139,7 +139,7 @@ pub fn warp(
     let mut corners = vec![Corners { index: 0, fraction: [0.0; 2] }; region.area()];
     let mut extras = Activation::empty();
     extras.reset(region.rows, region.columns, EXTRAS);
-    let distance = offset.unsigned_abs().min(2) as f32 / 2.0;
+    let distance = offset.unsigned_abs() as f32 / 2.0;
     let rows_of_corners = corners.par_chunks_mut(region.columns);
     let maps = extras.as_mut_slice().par_chunks_mut(region.columns * EXTRAS);
     planes.rows_mut().zip(rows_of_corners).zip(maps).enumerate().for_each(|(y, ((mut row, corners), extras))| {

@@ -1,0 +1,107 @@
+"""Tests of the training code, in its own environment: python -m pytest training"""
+
+from __future__ import annotations
+
+import random
+
+import fused
+import pytest
+import torch
+from data import OFFSETS, Shot, frames, oriented, prepare, view
+from loss import flicker
+from model import Architecture, Hush, kernel_average
+from torch import Tensor
+from train import batch_of, objective
+
+torch.set_num_threads(1)
+ROWS, COLUMNS = 24, 40
+
+
+def noise(*shape: int, seed: int = 1) -> Tensor:
+    return torch.rand(*shape, generator=torch.Generator().manual_seed(seed))
+
+
+def moving_shot(count: int = 7, references: tuple[int, ...] = (3, 2)) -> Shot:
+    """Noise over smooth vectors that point out of the frame in places."""
+    n = lambda channels, seed: noise(count, channels, ROWS, COLUMNS, seed=seed)
+    vector = torch.nn.functional.interpolate(noise(count, 4, 3, 4, seed=5) * 12 - 6, size=(ROWS, COLUMNS), mode="bilinear")
+    targets = {k: noise(3, ROWS, COLUMNS, seed=20 + k) for k in references}
+    return Shot(1, 4, n(3, 1) * 3, n(3, 2), n(3, 3) * 2 - 1, n(1, 4) * 9 - 1, vector, targets)
+
+
+@pytest.mark.parametrize(("sizes", "coarse"), [((5, 3, 3), 3), ((5,), 3), ((5, 3), 0), ((3, 1, 1, 1), 0)])
+def test_the_fused_kernels_are_the_plain_ones(sizes: tuple[int, ...], coarse: int) -> None:
+    taps = sum(s * s for s in sizes) + coarse**2
+    logits = noise(2, taps, ROWS, COLUMNS, seed=1) * 90 - 45
+    images, valid = noise(2, len(sizes), 3, ROWS, COLUMNS, seed=2) * 9, (noise(2, len(sizes), 1, ROWS, COLUMNS, seed=3) > 0.3).float()
+    colour, mask = noise(2, 3, ROWS // 2, COLUMNS // 2, seed=4), (noise(2, 1, ROWS // 2, COLUMNS // 2, seed=5) > 0.2).float()
+    pull = noise(2, 3, ROWS, COLUMNS, seed=6)
+    results = []
+    for average in (kernel_average, fused.average):
+        inputs = [logits.clone().requires_grad_(), colour.clone().requires_grad_()]
+        out, norm = average(inputs[0], images, valid, sizes, (inputs[1], mask) if coarse else None, coarse)
+        (out * pull).sum().backward()
+        results.append([out.detach(), norm.log1p(), *(x.grad for x in inputs[: 2 if coarse else 1])])
+    for plain, fast in zip(*results, strict=True):
+        torch.testing.assert_close(fast, plain, rtol=1e-4, atol=1e-5)
+        assert plain.abs().max() > 0
+
+
+@pytest.mark.parametrize(
+    "turn", [(True, False, False), (False, True, False), (True, True, False), (False, False, True), (True, False, True)]
+)
+def test_turned_paths_are_the_paths_of_the_turned_vectors(turn: tuple[bool, bool, bool]) -> None:
+    shot = moving_shot()
+    for offset in (-2, -1, 1, 3):
+        shot.path(3, offset)
+    turned = oriented(shot, *turn)
+    fresh = Shot(1, 4, turned.colour, turned.albedo, turned.normal, turned.depth, turned.vector, turned.references)
+    for key, (position, trust, miss) in turned.paths.items():
+        again = fresh.path(*key)
+        near = (position - again[0]).abs().amax(0) < 1e-3
+        assert near.float().mean() > 0.99, "only rounding may choose another pixel"
+        assert (trust == again[1])[near].float().mean() > 0.99
+        assert (miss - again[2]).abs()[near].median() < 1e-3
+
+
+def test_a_view_of_the_middle_is_what_prepare_gives() -> None:
+    shot = moving_shot()
+    whole, of = prepare(shot), frames(shot)
+    part = view(shot, of, shot.centre, OFFSETS)
+    assert all(torch.equal(whole[k], part[k]) for k in part)
+    assert torch.equal(whole["inputs"], of.inputs[[3, 2, 4, 1, 5]])
+
+
+def test_a_network_without_trust_in_its_neighbours_is_the_window_of_zero() -> None:
+    net, shot = Hush(Architecture(features=8, half=8, quarter=8, eighth=8)), moving_shot()
+    batch = {k: v[None] for k, v in prepare(shot).items()}
+    batch["extras"][:, :, :1] = 0
+    batch["valid"][:, 1:] = 0
+    alone = {k: v[None] for k, v in prepare(shot, ()).items()}
+    lam = torch.ones(1)
+    torch.testing.assert_close(net(batch, lam)["image"], net(alone, lam)["image"])
+
+
+def test_flicker_is_nothing_where_the_error_moves_along() -> None:
+    reference, error = noise(1, 3, 8, 8, seed=1), noise(1, 3, 8, 8, seed=2)
+    followed = torch.ones(1, 1, 8, 8)
+    assert flicker(reference + error, reference, error, followed).max() < 1e-6
+    assert flicker(reference + error, reference, -error, followed).mean() > 0.1
+    assert flicker(reference + error, reference, -error, 0 * followed).max() == 0
+
+
+@pytest.mark.parametrize("references", [(3, 2), (3,)])
+def test_training_lowers_the_loss(references: tuple[int, ...]) -> None:
+    torch.manual_seed(1)
+    net = Hush(Architecture(features=8, half=8, quarter=8, eighth=8))
+    net.average = fused.average
+    optimiser = torch.optim.Adam(net.parameters(), 3e-3)
+    batch = batch_of(random.Random(1), [moving_shot(references=references)], 1)
+    losses = []
+    for _ in range(12):
+        loss = objective(net, *batch, 0.25)
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        losses.append(float(loss.detach()))
+    assert losses[-1] < 0.97 * losses[0]
