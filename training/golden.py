@@ -25,6 +25,7 @@ CASES: tuple[tuple[str, int, int, tuple[int, ...], float], ...] = (
     ("odd", 19, 45, (-1, 1, -2, 2), 8.0),
     ("window0", 24, 40, (), 3.0),
     ("uneven", 16, 72, (1, 2), 64.0),
+    ("window3", 16, 32, (-1, 1, -2, 2, -3, 3), 2.0),
 )
 
 
@@ -43,13 +44,13 @@ def random_model(generator: torch.Generator) -> Hush:
     return net.eval()
 
 
-def random_shot(rows: int, columns: int, generator: torch.Generator) -> tuple[Shot, Tensor]:
-    """Five frames of noise over smooth shapes, with bad pixels; returns the padded shot and which pixels are valid."""
+def random_shot(count: int, rows: int, columns: int, generator: torch.Generator) -> tuple[Shot, Tensor]:
+    """`count` frames of noise over smooth shapes, with bad pixels; returns the padded shot and which pixels are valid."""
     rand = lambda *s: torch.rand(*s, generator=generator)
-    smooth = lambda c: F.interpolate(rand(5, c, 3, 4), size=(rows, columns), mode="bilinear", align_corners=True)
-    colour = smooth(3) * 2.0 * (0.3 + rand(5, 3, rows, columns)) * torch.exp2(rand(5, 1, 1, 1) * 4 - 2)
+    smooth = lambda c: F.interpolate(rand(count, c, 3, 4), size=(rows, columns), mode="bilinear", align_corners=True)
+    colour = smooth(3) * 2.0 * (0.3 + rand(count, 3, rows, columns)) * torch.exp2(rand(count, 1, 1, 1) * 4 - 2)
     shot = Shot(0, 1, colour, smooth(3), smooth(3) * 2 - 1, smooth(1) * 9 - 2, (smooth(4) - 0.5) * 9, {})
-    valid = torch.ones(5, 1, rows, columns)
+    valid = torch.ones(count, 1, rows, columns)
     valid[:, :, rows // 2, columns // 3] = 0
     valid[1, :, 0, 0] = 0
     shot.colour = shot.colour * valid
@@ -76,7 +77,7 @@ def forward(net: Hush, batch: dict[str, Tensor], lam: float) -> tuple[dict[str, 
 
 def case(net: Hush, rows: int, columns: int, offsets: tuple[int, ...], lam: float, generator: torch.Generator) -> dict[str, Tensor]:
     """One case: the passes as a file would hold them (bad pixels are NaN) and what comes out at every stage."""
-    shot, valid = random_shot(rows, columns, generator)
+    shot, valid = random_shot(2 * max(2, *map(abs, offsets), 0) + 1, rows, columns, generator)
     batch = {k: v[None] for k, v in prepare(shot, offsets, valid=valid).items()}
     result, stages = forward(net, batch, lam)
     crop = lambda x, scale=1: x[..., : -(-rows // scale), : -(-columns // scale)].contiguous()
