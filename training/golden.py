@@ -20,6 +20,7 @@ SMALL = Architecture(
     features=16, half=32, quarter=48, eighth=16, blocks_half=1, blocks_quarter=1, blocks_eighth=2, pair=16, lambda_hidden=4,
     centre_taps=5, neighbour_taps=3, coarse_taps=3, albedo_taps=3,
 )  # fmt: skip
+LEVELS = {"half": 2, "quarter": 4, "eighth": 8}
 CASES: tuple[tuple[str, int, int, tuple[int, ...], float], ...] = (
     ("window2", 32, 48, (-1, 1, -2, 2), 1.0),
     ("odd", 19, 45, (-1, 1, -2, 2), 8.0),
@@ -63,7 +64,7 @@ def random_shot(count: int, rows: int, columns: int, generator: torch.Generator)
 def forward(net: Hush, batch: dict[str, Tensor], lam: float) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
     """The network's outputs, and the features it passes through on the way."""
     stages: dict[str, Tensor] = {}
-    modules = {"features": net.encoder, "half_features": net.half_out, "quarter_features": net.quarter_out}
+    modules = {"features": net.encoder, "half_features": net.half_out, "quarter_features": net.quarter_out, "eighth_features": net.eighth}
 
     def keep(name: str) -> torch.utils.hooks.RemovableHandle:
         return modules[name].register_forward_hook(lambda _module, _inputs, output: stages.__setitem__(name, output[0]))
@@ -85,8 +86,7 @@ def case(net: Hush, rows: int, columns: int, offsets: tuple[int, ...], lam: floa
     return {
         "colour": crop(shot.colour + nan), "albedo": crop(shot.albedo), "normal": crop(shot.normal), "depth": crop(shot.depth),
         "vector": crop(shot.vector), "lambda": torch.tensor([lam]), "offsets": torch.tensor(offsets or [0]),
-        "features": stages["features"], "half_features": stages["half_features"], "quarter_features": stages["quarter_features"],
-        "quarter": crop(result["quarter"][0], 4), "half": crop(result["half"][0], 2), "image": crop(result["image"][0]),
+        "image": crop(result["image"][0]), **stages, **{name: crop(result[name][0], scale) for name, scale in LEVELS.items()},
         "centre": torch.tensor([shot.centre]),
     }  # fmt: skip
 

@@ -29,14 +29,14 @@ class Architecture:
     eighth: int = 96
     blocks_half: int = 1
     blocks_quarter: int = 2
-    blocks_eighth: int = 2
+    blocks_eighth: int = 3
     pair: int = 32
     lambda_hidden: int = 16
     centre_taps: int = 5
     neighbour_taps: int = 3
     coarse_taps: int = 3
     albedo_taps: int = 3
-    levels: int = 3
+    levels: int = 4
     albedo_epsilon: float = 0.05
 
     def header(self) -> dict[str, int | float]:
@@ -168,13 +168,18 @@ class Hush(nn.Module):
         self.pair_half_centre = nn.Conv2d(a.half, a.pair, 1)
         self.pair_half_neighbour = nn.Conv2d(a.features + EXTRAS, a.pair, 1, bias=False)
         self.pair_half_head = nn.Conv2d(a.pair, 4 * (neighbour + 1) + neighbour, 1)
-        self.head_quarter = nn.Conv2d(a.quarter, centre, 1)
+        self.head_quarter = nn.Conv2d(a.quarter, centre + (coarse if a.levels > 3 else 0), 1)
         self.pair_quarter_centre = nn.Conv2d(a.quarter, a.pair, 1)
         self.pair_quarter_neighbour = nn.Conv2d(a.features + EXTRAS, a.pair, 1, bias=False)
         self.pair_quarter_head = nn.Conv2d(a.pair, neighbour, 1)
+        if a.levels > 3:
+            self.head_eighth = nn.Conv2d(a.eighth, centre, 1)
+            self.pair_eighth_centre = nn.Conv2d(a.eighth, a.pair, 1)
+            self.pair_eighth_neighbour = nn.Conv2d(a.features + EXTRAS, a.pair, 1, bias=False)
+            self.pair_eighth_head = nn.Conv2d(a.pair, neighbour, 1)
 
-    def trunk(self, centre: Tensor, pairs: list[Tensor], lam: Tensor) -> tuple[Tensor, Tensor]:
-        """Temporal extractor, U-shaped body and loss specialisation: features at half and quarter resolution.
+    def trunk(self, centre: Tensor, pairs: list[Tensor], lam: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Temporal extractor, U-shaped body and loss specialisation: features at half, quarter and eighth resolution.
 
         centre (B, features, h, w); pairs: per neighbour (B, features + EXTRAS, h, w), channel `features` its trust.
         """
@@ -193,7 +198,7 @@ class Hush(nn.Module):
         quarter = self.quarter_out(self.lambda_quarter(quarter, lam))
         half = self.from_quarter(torch.cat((upsampled(quarter), half), 1))
         half = self.half_out(self.lambda_half(half, lam))
-        return half, quarter
+        return half, quarter, eighth
 
     def encode(self, inputs: Tensor) -> Tensor:
         """(B, F, 10, H, W) inputs to (B, F, features, H/2, W/2)."""
@@ -209,7 +214,7 @@ class Hush(nn.Module):
         batch: `colour` (B, T, 3, H, W) demodulated and `albedo` (B, T, 3, H, W), neighbours already warped; `valid`
         (B, T, 1, H, W) in {0, 1}; `position` (B, T−1, 2, h, w) where each neighbour's features are sampled; `extras`
         (B, T−1, EXTRAS, h, w), channel 0 the trust.
-        Returns `image` (B, 3, H, W) and the demodulated `colour`, `half`, `quarter` and the filtered `albedo`.
+        Returns `image` (B, 3, H, W) and the demodulated `colour`, `half`, `quarter`, `eighth` and the filtered `albedo`.
         """
         a = self.arch
         t = features.shape[1]
@@ -217,26 +222,27 @@ class Hush(nn.Module):
             torch.cat((warped(features[:, k], batch["position"][:, k - 1]), batch["extras"][:, k - 1].to(features.dtype)), 1)
             for k in range(1, t)
         ]
-        half, quarter = self.trunk(features[:, 0], pairs, lam)
-        half, quarter = F.relu(half), F.relu(quarter)
+        half, quarter, eighth = (F.relu(x) for x in self.trunk(features[:, 0], pairs, lam))
         head = self.head_half(half)
         n_centre, n_near, n_coarse, n_albedo = a.centre_taps**2, a.neighbour_taps**2, a.coarse_taps**2, a.albedo_taps**2
         per_pixel = n_centre + n_coarse + n_albedo
         full = subpixels(head[:, : 4 * per_pixel]).split((n_centre, n_coarse, n_albedo), 1)
         half_logits = head[:, 4 * per_pixel :].split((n_centre, n_coarse), 1)
-        near_full, near_half, near_quarter, near_albedo = [], [], [], []
-        half_base, quarter_base = self.pair_half_centre(half), self.pair_quarter_centre(quarter)
+        near_full, near_half, near_albedo = [], [], []
+        half_base = self.pair_half_centre(half)
         for pair in pairs:
             h = self.pair_half_head(F.relu(half_base + self.pair_half_neighbour(pair)))
             near = subpixels(h[:, : 4 * (n_near + 1)])
             near_full.append(near[:, :n_near])
             near_albedo.append(near[:, n_near:])
             near_half.append(h[:, 4 * (n_near + 1) :])
-            q = F.relu(quarter_base + self.pair_quarter_neighbour(F.avg_pool2d(pair, 2)))
-            near_quarter.append(self.pair_quarter_head(q))
+        pairs = [F.avg_pool2d(pair, 2) for pair in pairs]
+        quarter_logits = self.head_quarter(quarter).split((n_centre, self.head_quarter.out_channels - n_centre), 1)
+        quarter_base = self.pair_quarter_centre(quarter)
+        near_quarter = [self.pair_quarter_head(F.relu(quarter_base + self.pair_quarter_neighbour(pair))) for pair in pairs]
 
         images = [(batch["colour"].float(), batch["valid"].float())]
-        for _ in range(2):
+        for _ in range(a.levels - 1):
             image, mask = down(images[-1][0].flatten(0, 1), images[-1][1].flatten(0, 1))
             images.append((image.unflatten(0, (-1, t)), mask.unflatten(0, (-1, t))))
         sizes = (a.centre_taps, *[a.neighbour_taps] * (t - 1))
@@ -250,11 +256,18 @@ class Hush(nn.Module):
             out, norm = self.average(torch.cat(parts, 1), *images[k], sizes, coarse, a.coarse_taps)
             return out, (norm > 0).float()
 
-        out_quarter = level(2, [self.head_quarter(quarter), *near_quarter], None)
+        out_eighth = None
+        if a.levels > 3:
+            eighth_base = self.pair_eighth_centre(eighth)
+            near = [self.pair_eighth_head(F.relu(eighth_base + self.pair_eighth_neighbour(F.avg_pool2d(pair, 2)))) for pair in pairs]
+            out_eighth = level(3, [self.head_eighth(eighth), *near], None)
+        out_quarter = level(2, [quarter_logits[0], *near_quarter, quarter_logits[1]], out_eighth)
         out_half = level(1, [half_logits[0], *near_half, half_logits[1]], out_quarter)
         out, _ = level(0, [full[0], *near_full, full[1]], out_half)
         albedo, norm = self.average(
             torch.cat((full[2], *near_albedo), 1), batch["albedo"].float(), images[0][1], (a.albedo_taps, *[1] * (t - 1))
         )
         albedo = torch.where(norm > 0, albedo, batch["albedo"][:, 0].float())
-        return {"image": out * albedo, "colour": out, "half": out_half[0], "quarter": out_quarter[0], "albedo": albedo}
+        return {"image": out * albedo, "colour": out, "half": out_half[0], "quarter": out_quarter[0], "albedo": albedo} | (
+            {"eighth": out_eighth[0]} if out_eighth else {}
+        )

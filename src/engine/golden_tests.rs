@@ -84,14 +84,18 @@ fn every_stage_agrees_with_pytorch_on_every_isa() {
             let centre = case.0["centre"][0] as usize;
             let frames: Vec<EncodedFrame> = (0..=2 * centre).map(|i| engine.encode(case.frame(i)).unwrap()).collect();
             let offsets: Vec<i32> = case.0["offsets"].iter().map(|o| *o as i32).filter(|o| *o != 0).collect();
-            let neighbours: Vec<(i32, &EncodedFrame)> = offsets.iter().map(|o| (*o, &frames[centre.checked_add_signed(*o as isize).unwrap()])).collect();
+            let at = |offset: i32| &frames[centre.checked_add_signed(offset as isize).unwrap()];
+            let neighbours: Vec<(i32, &EncodedFrame)> = offsets.iter().map(|o| (*o, at(*o))).collect();
             let lambda = case.0["lambda"][0];
             compare(&what("features"), image_of_features(&frames[centre].features).view(), case.get("features"));
             let stages = engine.stages(&frames[centre], &neighbours, lambda);
-            compare(&what("quarter features"), stages.quarter_features.view(), case.get("quarter_features"));
-            compare(&what("half features"), stages.half_features.view(), case.get("half_features"));
-            compare(&what("quarter"), image_of(stages.quarter.as_ref().unwrap()).view(), case.get("quarter"));
-            compare(&what("half"), image_of(stages.half.as_ref().unwrap()).view(), case.get("half"));
+            for (features, name) in stages.features.iter().zip(["half_features", "quarter_features", "eighth_features"]).rev() {
+                compare(&what(name), features.view(), case.get(name));
+            }
+            for (planes, name) in stages.coarse.iter().zip(["eighth", "quarter", "half"]) {
+                compare(&what(name), image_of(planes).view(), case.get(name));
+            }
+            assert_eq!(stages.coarse.len(), 3);
             let denoised = engine.denoise(&frames[centre], &neighbours, lambda).unwrap();
             compare(&what("image"), denoised.colour.view(), case.get("image"));
         }

@@ -83,6 +83,7 @@ pub struct Engine {
     temporal: Temporal,
     body: Body,
     predictor: Predictor,
+    levels: usize,
     features: usize,
     widths: [usize; 4],
     epsilon: f32,
@@ -115,6 +116,7 @@ impl Engine {
             temporal: Temporal::new(weights)?,
             body: Body::new(weights)?,
             predictor: Predictor::new(weights)?,
+            levels: a.levels,
             features: a.features,
             widths: [a.centre_taps, a.neighbour_taps, a.coarse_taps, a.albedo_taps],
             epsilon: a.albedo_epsilon,
@@ -208,7 +210,7 @@ impl Engine {
     }
 
     /// As [`denoise_and_tell`](Self::denoise_and_tell), leaving out what `skip` says and using as many pyramid levels as
-    /// `levels` says (1 to 3) instead of what the settings say.
+    /// `levels` says (1 to 4, at most what the weights have) instead of what the settings say.
     pub fn denoise_with(
         &self,
         centre: &EncodedFrame,
@@ -278,7 +280,7 @@ impl Engine {
         if skip.constant {
             let way = |path: &Path<'a>| Way { frames: path.frames.iter().map(|f| &f.ranges).collect(), later: path.offset > 0 };
             let ways: Vec<Way> = paths.iter().map(way).collect();
-            let active = active_blocks(&centre.ranges, &ways, 2 * kernel_reach(self.widths));
+            let active = active_blocks(&centre.ranges, &ways, 2 * self.kernel_reach());
             parts = cover(&active, rows, columns, self.halo());
             let kept: usize = parts.iter().map(|p| p.grown(self.halo(), rows, columns).area()).sum();
             left_out.constant = 1.0 - (kept as f64 / whole.area() as f64).min(1.0);
@@ -324,7 +326,11 @@ impl Engine {
 
     /// Half-resolution pixels around a part of the frame that its result depends on.
     fn halo(&self) -> usize {
-        self.body.halo(kernel_reach(self.widths))
+        self.body.halo(self.kernel_reach())
+    }
+
+    fn kernel_reach(&self) -> usize {
+        kernel_reach(self.widths, self.levels)
     }
 
     /// Bytes that one half-resolution pixel of a tile takes.
@@ -350,28 +356,27 @@ impl Engine {
         let (paths, (images, warped)): (Vec<&Path>, (Vec<Planes>, Vec<Warped>)) = seen.unzip();
         let pyramid = self.clock.time(Stage::Coarse, || {
             let own = centre_planes(&centre.packed, region, &channels, margins.full);
-            pyramid_of(own, images, &channels, margins, plan.levels)
+            pyramid_of(own, images, &channels, margins, plan.levels.min(self.levels))
         });
         let neighbours: Vec<Neighbour> =
             paths.iter().zip(&warped).map(|(path, warped)| Neighbour { features: &path.neighbour().features, warped }).collect();
         let mut mixed = Activation::empty();
         self.clock.time(Stage::Temporal, || self.temporal.run(self.isa, &centre.features, &neighbours, region, &mut mixed));
-        let (half_features, quarter_features) = self.clock.time(Stage::Body, || self.body.run(self.isa, mixed, lambda));
+        let features = self.clock.time(Stage::Body, || self.body.run(self.isa, mixed, lambda));
         let levels = Levels {
             isa: self.isa,
             predictor: &self.predictor,
             channels,
             margins,
             pyramid: &pyramid,
-            half: &half_features,
-            quarter: &quarter_features,
+            features: &features,
             neighbours: &neighbours,
             tile,
             widths: self.widths,
         };
-        let (quarter, half) = self.clock.time(Stage::Coarse, || levels.coarse());
-        let image = self.clock.time(Stage::Full, || levels.full(half.as_ref()));
-        Stages { half_features, quarter_features, quarter, half, image, used }
+        let coarse = self.clock.time(Stage::Coarse, || levels.coarse());
+        let image = self.clock.time(Stage::Full, || levels.full(coarse.last()));
+        Stages { features, coarse, image, used }
     }
 
     #[cfg(test)]
@@ -409,10 +414,10 @@ impl FramePlan<'_> {
 /// What one tile's pass leaves behind; all but the image is for the comparison with PyTorch.
 #[cfg_attr(not(test), allow(dead_code))]
 struct Stages {
-    half_features: Activation,
-    quarter_features: Activation,
-    quarter: Option<Planes>,
-    half: Option<Planes>,
+    /// The body's, at half, quarter and eighth resolution.
+    features: [Activation; 3],
+    /// The denoised coarser levels, half resolution last.
+    coarse: Vec<Planes>,
     /// The core, (rows, columns, values).
     image: Array3<f32>,
     /// For each neighbour whether it had any pixel to give.

@@ -14,8 +14,8 @@ pub(crate) struct Probe {
     /// Of the neighbours used, in the order of the logits.
     pub offsets: Vec<i32>,
     pub full: RegionLogits,
-    pub half: RegionLogits,
-    pub quarter: RegionLogits,
+    /// Half resolution and coarser.
+    pub coarse: Vec<RegionLogits>,
 }
 
 impl Engine {
@@ -37,9 +37,8 @@ impl Engine {
         let pairs: Vec<Neighbour> = seen.iter().map(|(features, warped)| Neighbour { features, warped }).collect();
         let logits = |head, features| RegionLogits::new(self.isa, head, features, &pairs, region);
         Probe {
-            full: logits(&self.predictor.full, &stages.half_features),
-            half: logits(&self.predictor.half, &stages.half_features),
-            quarter: logits(&self.predictor.quarter, &stages.quarter_features),
+            full: logits(&self.predictor.full, &stages.features[0]),
+            coarse: self.predictor.coarse.iter().zip(&stages.features).map(|(head, features)| logits(head, features)).collect(),
             offsets,
         }
     }

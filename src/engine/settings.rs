@@ -4,8 +4,8 @@ use crate::error::{Error, Result};
 use crate::plan::skip::Skip;
 use crate::simd::Isa;
 
-/// Levels of the kernels' pyramid.
-pub const LEVELS: usize = 3;
+/// Levels of the kernels' pyramid at most; weights may have one fewer.
+pub use crate::network::weights::LEVELS;
 
 /// How to denoise.
 #[derive(Clone, Debug)]
@@ -15,9 +15,9 @@ pub struct Settings {
     pub memory: Option<u64>,
     /// What may be left out.
     pub skip: Skip,
-    /// Levels of the kernels' pyramid that are used, 1 to 3. Below 3 the coarsest are not computed, and the kernels do without
+    /// Levels of the kernels' pyramid that are used, 1 to 4, at most those that the weights have. Below that the coarsest are not computed, and the kernels do without
     /// their taps: faster, what is noisy over many pixels stays so, and wide holes of bad pixels are filled less far. The network
-    /// was trained with 3.
+    /// was trained with all.
     pub levels: usize,
     /// The instruction set; None is the fastest. AVX2 and AVX-512 give the same bits, the portable path agrees to 1e-4.
     pub isa: Option<Isa>,

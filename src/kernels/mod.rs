@@ -1,4 +1,4 @@
-//! Kernel application: predicted logits to weights, weights to pixels, on a pyramid of three levels.
+//! Kernel application: predicted logits to weights, weights to pixels, on a pyramid of up to four levels.
 
 pub mod planes;
 pub mod pyramid;

@@ -47,8 +47,8 @@ impl Body {
         reach + half + quarter + eighth
     }
 
-    /// Half- and quarter-resolution features for a λ, from the temporal extractor's output, which is used up.
-    pub fn run(&self, isa: Isa, mut half: Activation, lambda: f32) -> (Activation, Activation) {
+    /// Half-, quarter- and eighth-resolution features for a λ, from the temporal extractor's output, which is used up.
+    pub fn run(&self, isa: Isa, mut half: Activation, lambda: f32) -> [Activation; 3] {
         let mut scratch = Activation::empty();
         self.half_in.iter().for_each(|block| block.run(isa, &mut half, &mut scratch));
         let relu_input = Epilogue { relu_input: true, ..Default::default() };
@@ -64,6 +64,6 @@ impl Body {
         let inputs = [Source::upsampled(&quarter_out), Source::new(&half)];
         self.from_quarter.at(lambda).run_concat(isa, &inputs, &mut scratch, Epilogue::default());
         self.half_out.run(isa, &mut scratch, &mut half);
-        (scratch, quarter_out)
+        [scratch, quarter_out, eighth]
     }
 }

@@ -19,11 +19,11 @@ pub struct Level {
     pub neighbours: Vec<Planes>,
 }
 
-/// The levels' images; a level that is not used is not there.
+/// The levels' images.
 pub struct Pyramid {
     pub full: Level,
-    pub half: Option<Level>,
-    pub quarter: Option<Level>,
+    /// Half resolution and coarser, as many as are used.
+    pub coarse: Vec<Level>,
 }
 
 /// Columns and rows that a level's planes need around them for kernels of `taps` taps.
@@ -48,8 +48,8 @@ pub struct Levels<'a> {
     pub channels: Channels,
     pub margins: Margins,
     pub pyramid: &'a Pyramid,
-    pub half: &'a Activation,
-    pub quarter: &'a Activation,
+    /// The body's features: half, quarter and eighth resolution.
+    pub features: &'a [Activation; 3],
     pub neighbours: &'a [Neighbour<'a>],
     pub tile: Tile,
     /// Kernel widths: centre, neighbour, coarse, albedo.
@@ -64,15 +64,14 @@ struct Reach {
 }
 
 impl Levels<'_> {
-    /// The denoised quarter and half resolution of the region, demodulated, as far as those levels are used.
-    pub fn coarse(&self) -> (Option<Planes>, Option<Planes>) {
-        let level = |head: &Head, features: &Activation, images: &Option<Level>, coarser: Option<&Planes>| {
-            images.as_ref().map(|images| self.coarse_level(head, features, images, coarser))
-        };
-        let quarter = level(&self.predictor.quarter, self.quarter, &self.pyramid.quarter, None);
-        let quarter_up = quarter.as_ref().map(|q| pyramid::up(q, self.margins.coarse));
-        let half = level(&self.predictor.half, self.half, &self.pyramid.half, quarter_up.as_ref());
-        (quarter, half)
+    /// The region's denoised coarser levels that are used, demodulated; half resolution comes last.
+    pub fn coarse(&self) -> Vec<Planes> {
+        let mut out: Vec<Planes> = Vec::new();
+        for (k, images) in self.pyramid.coarse.iter().enumerate().rev() {
+            let coarser = out.last().map(|planes| pyramid::up(planes, self.margins.coarse));
+            out.push(self.coarse_level(&self.predictor.coarse[k], &self.features[k], images, coarser.as_ref()));
+        }
+        out
     }
 
     /// Distances for kernels of `centre` and `neighbour` taps, and to the coarser image, whose pixels are `step` apart.
@@ -85,7 +84,7 @@ impl Levels<'_> {
         }
     }
 
-    /// Quarter and half resolution: values and mask over the whole region, zero outside it. What holds no usable pixel itself is
+    /// A level below full resolution: values and mask over the whole region, zero outside it. What holds no usable pixel itself is
     /// usable where any of its taps was: that fills holes from afar.
     fn coarse_level(&self, head: &Head, features: &Activation, level: &Level, coarser: Option<&Planes>) -> Planes {
         let reach = self.reach(level, 1, self.widths[0], self.widths[1], coarser.map(|c| (c, 2)));
@@ -195,7 +194,7 @@ fn full_row_body<L: Lanes>(
     let mut line = vec![0.0; values * FULL_PHASES * SEGMENT];
     let (image, phases) = (&level.centre, FULL_PHASES);
     for x in (first..first + core.columns).step_by(SEGMENT) {
-        levels.predictor.full.predict(l, levels.half, levels.neighbours, region, y, x, &mut logits);
+        levels.predictor.full.predict(l, &levels.features[0], levels.neighbours, region, y, x, &mut logits);
         let coarse = &logits.centre[counts.centre * SEGMENT..];
         let of_albedo = &coarse[counts.coarse * SEGMENT..];
         let mut taps = vec![Taps { image, phases, offsets: &reach.centre, logits: &logits.centre, pitch }];
@@ -252,19 +251,25 @@ dispatch! {
 
 /// The images of a region at the `levels` finest levels.
 pub fn pyramid_of(centre: Planes, neighbours: Vec<Planes>, channels: &Channels, margins: Margins, levels: usize) -> Pyramid {
-    let half = (levels > 1).then(|| Level {
-        centre: pyramid::down_from_full(&centre, channels, margins.coarse),
-        neighbours: neighbours.iter().map(|n| pyramid::down_from_full(n, channels, margins.coarse)).collect(),
-    });
-    let quarter = half.as_ref().filter(|_| levels > 2).map(|half| Level {
-        centre: pyramid::down(&half.centre, channels, margins.coarse),
-        neighbours: half.neighbours.iter().map(|n| pyramid::down(n, channels, margins.coarse)).collect(),
-    });
-    Pyramid { full: Level { centre, neighbours }, half, quarter }
+    let full = Level { centre, neighbours };
+    let mut coarse: Vec<Level> = Vec::new();
+    for _ in 1..levels {
+        let (finer, down) =
+            coarse.last().map_or((&full, pyramid::down_from_full as Down), |level| (level, pyramid::down as Down));
+        coarse.push(Level {
+            centre: down(&finer.centre, channels, margins.coarse),
+            neighbours: finer.neighbours.iter().map(|n| down(n, channels, margins.coarse)).collect(),
+        });
+    }
+    Pyramid { full, coarse }
 }
 
-/// Half-resolution pixels around a core whose logits and pixels its kernels reach.
-pub fn kernel_reach(widths: [usize; 4]) -> usize {
+type Down = fn(&Planes, &Channels, usize) -> Planes;
+
+/// Half-resolution pixels around a core whose logits and pixels the kernels of a pyramid of `levels` levels reach.
+pub fn kernel_reach(widths: [usize; 4], levels: usize) -> usize {
     let [centre, neighbour, coarse, albedo] = widths.map(|w| w / 2);
-    (1 + 2 * coarse + coarse) + 2 * centre.max(neighbour).max(albedo) + 2
+    // Coarse taps of every level, then the coarsest level's kernel and the rest of its pixels, and the full resolution's own.
+    let coarsest = 1 << levels.saturating_sub(2);
+    (2 * coarsest - 1) * coarse + coarsest * (centre.max(neighbour).max(albedo) + 1) + 1
 }

@@ -2,7 +2,7 @@
 //!
 //! Logits live only as long as the segment's kernels are applied; a whole frame of them never exists.
 
-use super::pairs::{Neighbour, Row, gather, gather_quarter, segment_of};
+use super::pairs::{Neighbour, Row, gather_at, segment_of};
 use super::temporal::dense;
 use super::warp::EXTRAS;
 use super::weights::Weights;
@@ -29,7 +29,8 @@ pub struct Head {
     pair_centre: Dense,
     pair_neighbour: Dense,
     pair: Dense,
-    quarter: bool,
+    /// How often the neighbours' features are halved: 0 at half resolution.
+    halvings: usize,
 }
 
 /// Buffers of one thread, reused from segment to segment.
@@ -45,14 +46,12 @@ pub struct Logits {
     scratch: Vec<f32>,
 }
 
-/// The predictors of the three pyramid levels.
+/// The predictors of the pyramid's levels.
 pub struct Predictor {
     /// Full resolution: for each of four sub-pixels centre, coarse and albedo taps; per neighbour its taps and its albedo tap.
     pub full: Head,
-    /// Half resolution: centre and coarse taps; per neighbour its taps.
-    pub half: Head,
-    /// Quarter resolution: centre taps; per neighbour its taps.
-    pub quarter: Head,
+    /// Half resolution and coarser: centre and coarse taps, the coarsest without these; per neighbour its taps.
+    pub coarse: Vec<Head>,
     pub taps: TapCounts,
 }
 
@@ -74,7 +73,7 @@ impl Predictor {
             let bias = b.as_ref().map(|b| b.slice(ndarray::s![range.clone()]));
             Ok(Dense::new(w.slice(ndarray::s![range.clone(), .., 0, 0]), bias))
         };
-        let head = |at: &str, width: usize, centre: Dense, pair: Dense, quarter: bool| -> Result<Head> {
+        let head = |at: &str, width: usize, centre: Dense, pair: Dense, halvings: usize| -> Result<Head> {
             Ok(Head {
                 width,
                 features: a.features,
@@ -82,23 +81,22 @@ impl Predictor {
                 pair_centre: dense(weights, &format!("pair_{at}_centre"), a.pair, width, true)?,
                 pair_neighbour: dense(weights, &format!("pair_{at}_neighbour"), a.pair, a.features + EXTRAS, false)?,
                 pair,
-                quarter,
+                halvings,
             })
         };
         let centre = |range| part("head_half", full + half, a.half, range);
         let pair = |range| part("pair_half_head", pair_full + pair_half, a.pair, range);
-        Ok(Self {
-            full: head("half", a.half, centre(0..full)?, pair(0..pair_full)?, false)?,
-            half: head("half", a.half, centre(full..full + half)?, pair(pair_full..pair_full + pair_half)?, false)?,
-            quarter: head(
-                "quarter",
-                a.quarter,
-                dense(weights, "head_quarter", taps.centre, a.quarter, true)?,
-                dense(weights, "pair_quarter_head", taps.neighbour, a.pair, true)?,
-                true,
-            )?,
-            taps,
-        })
+        let below = |at: &str, width: usize, outputs: usize, halvings: usize| {
+            let centre = dense(weights, &format!("head_{at}"), outputs, width, true)?;
+            head(at, width, centre, dense(weights, &format!("pair_{at}_head"), taps.neighbour, a.pair, true)?, halvings)
+        };
+        let mut coarse = vec![head("half", a.half, centre(full..full + half)?, pair(pair_full..pair_full + pair_half)?, 0)?];
+        let coarsest = |level: usize| if level == a.levels { taps.centre } else { half };
+        coarse.push(below("quarter", a.quarter, coarsest(3), 1)?);
+        if a.levels > 3 {
+            coarse.push(below("eighth", a.eighth, coarsest(4), 2)?);
+        }
+        Ok(Self { full: head("half", a.half, centre(0..full)?, pair(0..pair_full)?, 0)?, coarse, taps })
     }
 }
 
@@ -113,7 +111,7 @@ impl Head {
             base: vec![0.0; self.pair_centre.output_len()],
             hidden: vec![0.0; self.pair_neighbour.output_len()],
             joined: vec![0.0; pair],
-            scratch: vec![0.0; if self.quarter { 4 * pair } else { 0 }],
+            scratch: vec![0.0; 4 * pair * self.halvings],
         }
     }
 
@@ -138,11 +136,7 @@ impl Head {
         }
         self.pair_centre.run(l, &out.x, None, false, &mut out.base);
         for (neighbour, logits) in neighbours.iter().zip(&mut out.pairs) {
-            if self.quarter {
-                gather_quarter(l, *neighbour, region, y, x, &mut out.scratch, &mut out.joined);
-            } else {
-                gather(l, *neighbour, region, y, x, &mut out.joined);
-            }
+            gather_at(l, self.halvings, *neighbour, region, (y, x), &mut out.scratch, &mut out.joined);
             self.pair_neighbour.run(l, &out.joined, Some(&out.base), true, &mut out.hidden);
             self.pair.run(l, &out.hidden, None, false, logits);
         }

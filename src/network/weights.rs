@@ -12,6 +12,8 @@ use crate::simd::Conv;
 
 /// The weights file that this build carries.
 pub const EMBEDDED: &[u8] = include_bytes!("../../models/hush.safetensors");
+/// Pyramid levels at most.
+pub const LEVELS: usize = 4;
 /// The header key under which the architecture stands, as JSON.
 const ARCHITECTURE_KEY: &str = "hush.architecture";
 /// The largest weights file that is read, in bytes.
@@ -60,8 +62,8 @@ impl Architecture {
         if self.version != 1 {
             return Err(format!("architecture version {} is not 1: use a Hush that knows it", self.version));
         }
-        if self.levels != 3 {
-            return Err(format!("{} pyramid levels, this build computes 3", self.levels));
+        if !(3..=LEVELS).contains(&self.levels) {
+            return Err(format!("{} pyramid levels, this build computes 3 or {LEVELS}", self.levels));
         }
         let widths = [self.features, self.half, self.quarter, self.eighth, self.pair];
         if widths.iter().any(|w| *w == 0 || w % 16 != 0 || *w > 256) {

@@ -300,7 +300,7 @@ impl Run<'_> {
             self.remarks.push("OIDN was not measured: oidnDenoise is not installed, or was switched off.".into());
         }
         if machine.was_busy() {
-            let text = "Other programs kept the machine busy: the times are longer than they need be, and take no times from it.";
+            let text = "Other programs kept the machine busy: the times are longer than on an idle one, so do not quote them.";
             self.remarks.insert(0, text.into());
         }
         let runs = count * self.repeats as f64;

@@ -11,7 +11,7 @@ use crate::{Denoised, EncodedFrame, Engine, Frame};
 
 /// The dial's ends.
 const LAMBDAS: [f32; 2] = [1.0, 64.0];
-/// Rounding of float32 over the taps of three levels, relative to the taps.
+/// Rounding of float32 over the taps of four levels, relative to the taps.
 const ROUNDING: f64 = 1e-5;
 /// What the portable path promises.
 const PORTABLE: f64 = 1e-4;

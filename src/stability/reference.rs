@@ -78,11 +78,15 @@ impl Reference {
                 Some(offset) => Layer::warped(&way(frames, centre, *offset), *offset > 0, epsilon),
             })
             .collect();
-        let half: Vec<Layer> = full.par_iter().map(Layer::down).collect();
-        let quarter: Vec<Layer> = half.par_iter().map(Layer::down).collect();
-        let out = coarse(&quarter, None, &probe.quarter, architecture);
-        let out = coarse(&half, Some(&out), &probe.half, architecture);
-        Self { cells: fine(&full, &out, &probe.full, architecture, frame) }
+        let mut levels = vec![full];
+        for _ in &probe.coarse {
+            levels.push(levels[levels.len() - 1].par_iter().map(Layer::down).collect());
+        }
+        let mut out = None;
+        for (layers, logits) in levels[1..].iter().zip(&probe.coarse).rev() {
+            out = Some(coarse(layers, out.as_ref(), logits, architecture));
+        }
+        Self { cells: fine(&levels[0], out.as_ref(), &probe.full, architecture, frame) }
     }
 }
 
@@ -91,7 +95,7 @@ fn way(frames: &[Frame], centre: usize, offset: i32) -> Vec<&Frame> {
     (0..=offset.unsigned_abs() as usize).map(|k| if offset > 0 { &frames[centre + k] } else { &frames[centre - k] }).collect()
 }
 
-/// Quarter or half resolution.
+/// A level below full resolution.
 fn coarse(layers: &[Layer], coarser: Option<&Layer>, logits: &RegionLogits, a: &Architecture) -> Layer {
     let Layer { rows, columns, channels, .. } = layers[0];
     let mut out = Layer { rows, columns, channels, cells: Vec::new(), mask: Vec::new(), modulation: Vec::new() };
@@ -122,7 +126,7 @@ fn coarse(layers: &[Layer], coarser: Option<&Layer>, logits: &RegionLogits, a: &
 }
 
 /// Full resolution, cut to the frame's own size and modulated.
-fn fine(layers: &[Layer], half: &Layer, logits: &RegionLogits, a: &Architecture, frame: &Frame) -> Array3<Cell> {
+fn fine(layers: &[Layer], half: Option<&Layer>, logits: &RegionLogits, a: &Architecture, frame: &Frame) -> Array3<Cell> {
     let channels = layers[0].channels;
     let (rows, columns) = frame.size();
     let alpha = usize::from(frame.alpha.is_some());
@@ -145,7 +149,8 @@ fn fine(layers: &[Layer], half: &Layer, logits: &RegionLogits, a: &Architecture,
                 taps.push(Taps { layer, size: a.neighbour_taps, at, logit: &of_pairs[n] });
                 albedo.push(Taps { layer, size: 1, at, logit: &of_albedos[n] });
             }
-            taps.push(Taps { layer: half, size: a.coarse_taps, at: (hy as isize, hx as isize), logit: &of_coarse });
+            let at = (hy as isize, hx as isize);
+            taps.extend(half.map(|layer| Taps { layer, size: a.coarse_taps, at, logit: &of_coarse }));
             let Some(values) = average(&taps, channels, &channel) else { continue };
             let modulation = |layer: &Layer, pixel: usize, c: usize| Cell::of(layer.modulation[pixel][c]);
             let own = || (0..3).map(|c| modulation(&layers[0], y * layers[0].columns + x, c)).collect();
