@@ -1,6 +1,6 @@
 //! A 1080p frame with a ±2 window, steady state: one encode and one denoise a frame, no files.
 //!
-//!     cargo bench --bench denoise -- [columns rows [window [frames]]]
+//!     cargo bench --bench denoise -- [columns rows [window [frames]]] [weights.safetensors]
 //!
 //! Predicted and measured numbers stand in benches/NOTES.md.
 
@@ -36,7 +36,10 @@ fn main() {
     let mut args = std::env::args().skip(1).filter_map(|a| a.parse::<usize>().ok());
     let mut next = |default| args.next().unwrap_or(default);
     let (columns, rows, window, frames) = (next(1920), next(1080), next(2), next(3));
-    let engine = Engine::new(Settings::default()).expect("the embedded model loads");
+    let weights = std::env::args().skip(1).find(|a| a.ends_with(".safetensors"));
+    let settings = Settings::default();
+    let engine = weights.map_or_else(|| Engine::new(settings.clone()), |path| Engine::from_file(path.as_ref(), settings.clone()));
+    let engine = engine.expect("the model loads");
     let encoded: Vec<_> = (0..2 * window + 1).map(|t| engine.encode(frame(rows, columns, t)).expect("encodes")).collect();
     let neighbours: Vec<_> =
         (0..encoded.len()).filter(|t| *t != window).map(|t| (t as i32 - window as i32, &encoded[t])).collect();

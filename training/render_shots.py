@@ -15,6 +15,7 @@ import random
 import sys
 import tempfile
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
@@ -75,7 +76,16 @@ def unit(a: np.ndarray) -> np.ndarray:
     return np.round(np.clip(a, 0, 1) * 255).astype(np.uint8)
 
 
-def shot(seed: int, size: int, threads: int, scratch: Path, assets: Assets, target: Path) -> str:
+@dataclass(frozen=True)
+class Reference:
+    """How long a reference is rendered: samples a pixel at most, noise threshold of adaptive sampling, seconds at most."""
+
+    samples: int = 224
+    threshold: float = 0.016
+    seconds: float = 40.0
+
+
+def shot(seed: int, size: int, threads: int, clean: Reference, scratch: Path, assets: Assets, target: Path) -> str:
     """Builds, renders and saves one shot; a line about it."""
     began = time.perf_counter()
     r: random.Random
@@ -91,7 +101,9 @@ def shot(seed: int, size: int, threads: int, scratch: Path, assets: Assets, targ
         return f"{seed} skipped: {why}"
     noisy = [render(scratch, scenes.MIDDLE + k, samples, r.randrange(1 << 30), adaptive) for k in range(-(FRAMES // 2), FRAMES // 2 + 1)]
     halfway = time.perf_counter()
-    reference, before = (render(scratch, scenes.MIDDLE + k, 224, r.randrange(1 << 30), 0.016, 48, 40.0) for k in (0, -1))
+    reference, before = (
+        render(scratch, scenes.MIDDLE + k, clean.samples, r.randrange(1 << 30), clean.threshold, 48, clean.seconds) for k in (0, -1)
+    )
     done = time.perf_counter()
     stacked = {name: np.stack([frame[name] for frame in noisy]) for name in LAYERS}
     aside = target.with_suffix(".part.npz")
@@ -116,6 +128,10 @@ def main() -> None:
     parser.add_argument("output", type=Path, help="folder for the shots")
     parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--count", type=int, default=1, help="how many seeds")
+    parser.add_argument("--every", type=int, default=1, help="of those only the multiples of this; 8: only validation shots")
+    parser.add_argument("--samples", type=int, default=Reference.samples, help="of a reference, at most")
+    parser.add_argument("--threshold", type=float, default=Reference.threshold, help="noise at which a reference's pixel is done")
+    parser.add_argument("--seconds", type=float, default=Reference.seconds, help="for a reference, at most")
     parser.add_argument("--size", type=int, default=128, help="width and height in pixels")
     parser.add_argument("--assets", type=Path, default=Path("assets"), help="folder of fetch_assets.py")
     parser.add_argument("--threads", type=int, default=0, help="threads for Cycles; 0: all")
@@ -123,12 +139,13 @@ def main() -> None:
     assets = found(chosen.assets)
     if not assets.hdris:
         print(f"no assets in {chosen.assets}: the shots will have neither HDRIs, models nor normal maps", file=sys.stderr)
+    clean = Reference(chosen.samples, chosen.threshold, chosen.seconds)
     chosen.output.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as scratch:
         for seed in range(chosen.first, chosen.first + chosen.count):
             target = chosen.output / f"{seed:06d}.npz"
-            if not target.exists():
-                print(shot(seed, chosen.size, chosen.threads, Path(scratch) / "frame.exr", assets, target), flush=True)
+            if seed % chosen.every == 0 and not target.exists():
+                print(shot(seed, chosen.size, chosen.threads, clean, Path(scratch) / "frame.exr", assets, target), flush=True)
 
 
 if __name__ == "__main__":
