@@ -87,6 +87,8 @@ fn wrong_usage_is_exit_code_one() {
         (vec!["denoise", "shot", "-o", "out", "--memory", "lots"], "4G"),
         (vec!["denoise", "shot", "-o", "out", "--threads", "0"], "threads"),
         (vec!["denoise", "shot", "-o", "out", "--model", "nowhere.safetensors"], "nowhere.safetensors"),
+        (vec!["denoise", "shot", "-o", "out", "--renderer", "arnold"], "cycles, mitsuba"),
+        (vec!["plan", "shot", "--renderer", "arnold"], "cycles, mitsuba"),
         (vec!["denoise", "shot", "-o", "out", "--layer", "Fog"], "Fog"),
         (vec!["denoise", "shot", "-o", "out", "--aov", "Diffuse Direct"], "Diffuse Direct"),
         (vec!["denoise", "nowhere", "-o", "out"], "nowhere"),
@@ -100,6 +102,26 @@ fn wrong_usage_is_exit_code_one() {
         assert!(err(&output).contains(expected), "{args:?}: {}", err(&output));
         assert!(!shot.out().exists(), "{args:?}");
     }
+}
+
+#[test]
+fn each_renderer_has_its_encoder() {
+    let shot = Shot::new(1..=2, Look::default());
+    let denoised = |renderer: &str| {
+        let out = format!("out_{renderer}");
+        let run = hush(&shot, &["denoise", "shot", "-o", &out, "--renderer", renderer, "--quiet"]);
+        assert!(run.status.success(), "{}", err(&run));
+        let read = |name: &str| std::fs::read(shot.dir.path().join(&out).join(name)).unwrap();
+        (read("shot_0001.exr"), read("hush-manifest.json"))
+    };
+    let (plain, cycles, mitsuba) = (hush(&shot, &["denoise", "shot", "-o", "out_plain"]), denoised("cycles"), denoised("mitsuba"));
+    assert!(plain.status.success());
+    let colours = |bytes: &[u8]| bytes.to_vec();
+    assert_ne!(colours(&cycles.0), colours(&mitsuba.0));
+    let has = |manifest: &[u8], text: &str| String::from_utf8_lossy(manifest).contains(text);
+    assert!(has(&mitsuba.1, r#""renderer": "mitsuba""#) && !has(&cycles.1, "renderer"));
+    let again = hush(&shot, &["denoise", "shot", "-o", "out_mitsuba"]);
+    assert!(err(&again).contains("renderer mitsuba → default"), "{}", err(&again));
 }
 
 #[test]

@@ -11,6 +11,7 @@ integrator gives. Mitsuba has no motion vectors: they are computed from the pose
 from __future__ import annotations
 
 import argparse
+import gc
 import json
 import math
 import random
@@ -26,8 +27,8 @@ from numpy.typing import NDArray
 
 FRAMES = 5
 BATCH = 128
-LEAST, MOST, MOST_HELD = 2, 4, 8
-STEADY = 0.015
+LEAST, MOST, MOST_HELD = 2, 2, 4
+STEADY = 0.02
 FAR = 1e4
 PASSES = {"color": slice(0, 3), "albedo": slice(3, 6), "normal": slice(6, 9), "depth": slice(9, 10)}
 CHANNELS = {"color": "RGB", "albedo": "RGB", "normal": "XYZ", "depth": "T", "vector": "XYZW"}
@@ -140,11 +141,14 @@ def shot(seed: int, size: int, target: Path, frames: Path | None) -> str:
     r = random.Random(seed)
     with tempfile.TemporaryDirectory() as folder:
         world = mitsuba_scenes.build(r, Path(folder))
-        samples = round(2 ** r.uniform(0, 5.65))
+        samples = round(2 ** r.uniform(0, 5.0))
         noisy, middle, miss = [], {}, 0.0
-        if why := dull(rendered(mi.load_dict(world.at(0, size)), 4, 999)):
+        scene = mi.load_dict(world.at(0, size))
+        if why := dull(rendered(scene, 4, 999)):
             return f"{seed} skipped: {why}"
         for frame in range(-(FRAMES // 2), FRAMES // 2 + 1):
+            scene = None
+            gc.collect()  # a scene loaded beside another compiles all over again
             scene = mi.load_dict(world.at(frame, size))
             passes = rendered(scene, samples, r.randrange(1 << 30))
             passes["vector"], error = vectors(scene, world, frame, size)
@@ -180,6 +184,7 @@ def main() -> None:
     parser.add_argument("output", type=Path, help="folder for the shots")
     parser.add_argument("--first", type=int, default=20000, help="first seed")
     parser.add_argument("--count", type=int, default=1, help="how many seeds")
+    parser.add_argument("--step", type=int, default=1, help="from one seed to the next; 8 from a multiple of 8: validation only")
     parser.add_argument("--size", type=int, default=128, help="width and height in pixels")
     parser.add_argument("--threads", type=int, default=0, help="threads for Mitsuba; 0: all")
     parser.add_argument("--variant", default="llvm_ad_rgb", help="of Mitsuba: llvm_ad_rgb or scalar_rgb")
@@ -190,7 +195,7 @@ def main() -> None:
     if chosen.threads:
         dr.set_thread_count(chosen.threads)
     chosen.output.mkdir(parents=True, exist_ok=True)
-    for seed in range(chosen.first, chosen.first + chosen.count):
+    for seed in range(chosen.first, chosen.first + chosen.count * chosen.step, chosen.step):
         target = chosen.output / f"{seed:06d}.npz"
         if not target.exists():
             print(shot(seed, chosen.size, target, chosen.exr), flush=True)
