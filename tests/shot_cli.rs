@@ -105,26 +105,6 @@ fn wrong_usage_is_exit_code_one() {
 }
 
 #[test]
-fn each_renderer_has_its_encoder() {
-    let shot = Shot::new(1..=2, Look::default());
-    let denoised = |renderer: &str| {
-        let out = format!("out_{renderer}");
-        let run = hush(&shot, &["denoise", "shot", "-o", &out, "--renderer", renderer, "--quiet"]);
-        assert!(run.status.success(), "{}", err(&run));
-        let read = |name: &str| std::fs::read(shot.dir.path().join(&out).join(name)).unwrap();
-        (read("shot_0001.exr"), read("hush-manifest.json"))
-    };
-    let (plain, cycles, mitsuba) = (hush(&shot, &["denoise", "shot", "-o", "out_plain"]), denoised("cycles"), denoised("mitsuba"));
-    assert!(plain.status.success());
-    let colours = |bytes: &[u8]| bytes.to_vec();
-    assert_ne!(colours(&cycles.0), colours(&mitsuba.0));
-    let has = |manifest: &[u8], text: &str| String::from_utf8_lossy(manifest).contains(text);
-    assert!(has(&mitsuba.1, r#""renderer": "mitsuba""#) && !has(&cycles.1, "renderer"));
-    let again = hush(&shot, &["denoise", "shot", "-o", "out_mitsuba"]);
-    assert!(err(&again).contains("renderer mitsuba → default"), "{}", err(&again));
-}
-
-#[test]
 fn help_and_version_are_good() {
     let shot = Shot::new([], Look::default());
     let help = hush(&shot, &["denoise", "--help"]);

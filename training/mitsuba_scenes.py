@@ -136,7 +136,9 @@ def things(r: random.Random, folder: Path, count: int, place: Callable[[], NDArr
     out = []
     for k in range(count):
         s = size * 2 ** r.uniform(-1, 0.7)
-        base = moved(*place()) @ turned(np.array([r.gauss(0, 1) for _ in range(3)]), r.uniform(-1, 1) * (math.pi if r.random() < 0.6 else 0.2))
+        base = moved(*place()) @ turned(
+            np.array([r.gauss(0, 1) for _ in range(3)]), r.uniform(-1, 1) * (math.pi if r.random() < 0.6 else 0.2)
+        )
         if r.random() < 0.4:
             mesh = written(r, r.choice(SOLIDS), folder / f"mesh{k}.ply")
             plugin: Plugin = {"type": "ply", "filename": mesh}

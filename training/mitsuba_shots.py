@@ -18,6 +18,7 @@ import random
 import tempfile
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import drjit as dr
 import mitsuba as mi
@@ -25,13 +26,25 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
+if TYPE_CHECKING:
+    from mitsuba_scenes import World
+
 FRAMES = 5
 BATCH = 128
-LEAST, MOST, MOST_HELD = 2, 2, 4
+LEAST, MOST, MOST_HELD = 3, 5, 10
 STEADY = 0.02
 FAR = 1e4
 PASSES = {"color": slice(0, 3), "albedo": slice(3, 6), "normal": slice(6, 9), "depth": slice(9, 10)}
 CHANNELS = {"color": "RGB", "albedo": "RGB", "normal": "XYZ", "depth": "T", "vector": "XYZW"}
+SETTINGS = """# How Hush finds the passes: Mitsuba's AOVs have the names that the scene gives them.
+renderer = "mitsuba"
+
+[passes]
+albedo = "albedo"
+normal = "normal"
+depth = "depth"
+vector = "vector"
+"""
 Array = NDArray[np.float32]
 
 
@@ -54,7 +67,7 @@ def reference(scene: mi.Scene, r: random.Random, batches_at_most: int) -> dict[s
     return {name: np.mean([b[name] for b in batches], 0) for name in PASSES}
 
 
-def projected(points: NDArray[np.float64], world: object, frame: float, size: int) -> NDArray[np.float64]:
+def projected(points: NDArray[np.float64], world: World, frame: float, size: int) -> NDArray[np.float64]:
     """Where homogeneous world points (…, 4) lie in a frame, (…, 2) as column and row of pixel centres."""
     local = points @ np.linalg.inv(world.camera(frame)).T
     ahead = local[..., 2] > 1e-6
@@ -63,8 +76,8 @@ def projected(points: NDArray[np.float64], world: object, frame: float, size: in
     return np.where(ahead[..., None], place, FAR)
 
 
-def vectors(scene: mi.Scene, world: object, frame: int, size: int) -> tuple[Array, float]:
-    """Cycles' Vector pass (rows, columns, 4) of what lies behind the pixel centres; and the largest error of this frame's own projection."""
+def vectors(scene: mi.Scene, world: World, frame: int, size: int) -> tuple[Array, float]:
+    """Cycles' Vector pass (rows, columns, 4) of what lies behind the pixel centres; and by how many pixels the camera model is off."""
     rows, columns = np.meshgrid(np.arange(size), np.arange(size), indexing="ij")
     sensor, here = scene.sensors()[0], np.stack((columns, rows), -1).reshape(-1, 2)
     at = (here + 0.5) / size
@@ -174,9 +187,12 @@ def shot(seed: int, size: int, target: Path, frames: Path | None) -> str:
     aside.replace(target)
     if frames:
         frames.mkdir(parents=True, exist_ok=True)
+        (frames / "hush.toml").write_text(SETTINGS)
         for k, passes in enumerate(noisy):
             write_exr(frames / f"shot{seed}_{k:04d}.exr", passes)
-    return f"{seed} {world.kind} {world.motion}: {samples} spp, {time.perf_counter() - began:.1f} s, own projection off by {miss:.4f} pixels"
+    return (
+        f"{seed} {world.kind} {world.motion}: {samples} spp, {time.perf_counter() - began:.1f} s, own projection off by {miss:.4f} pixels"
+    )
 
 
 def main() -> None:
@@ -188,7 +204,7 @@ def main() -> None:
     parser.add_argument("--size", type=int, default=128, help="width and height in pixels")
     parser.add_argument("--threads", type=int, default=0, help="threads for Mitsuba; 0: all")
     parser.add_argument("--variant", default="llvm_ad_rgb", help="of Mitsuba: llvm_ad_rgb or scalar_rgb")
-    parser.add_argument("--exr", type=Path, help="also write the noisy frames here, as EXR files")
+    parser.add_argument("--exr", type=Path, help="also write the noisy frames here, as EXR files, and how Hush is to read them")
     chosen = parser.parse_args()
     mi.set_variant(chosen.variant)
     mi.set_log_level(mi.LogLevel.Error)

@@ -130,7 +130,8 @@ mod tests {
 
     #[test]
     fn the_chosen_encoder_takes_the_place_of_the_first() {
-        for (renderer, name, value) in [(None, "cycles", 1.0), (Some("cycles"), "cycles", 1.0), (Some("Mitsuba"), "mitsuba", 2.0)] {
+        for (renderer, name, value) in [(None, "cycles", 1.0), (Some("cycles"), "cycles", 1.0), (Some("Mitsuba"), "mitsuba", 2.0)]
+        {
             let (mut all, names) = both();
             check(&all, &names).unwrap();
             assert_eq!(choose(&mut all, &names, renderer, "m").unwrap(), name);
@@ -154,8 +155,14 @@ mod tests {
         for (others, key) in [
             (vec![], "encoders.mitsuba.a.bias is missing"),
             (vec![("encoders.mitsuba.a.bias", 3, 1.0)], "encoders.mitsuba.a.bias has shape [3]"),
-            (vec![("encoders.mitsuba.a.bias", 2, 1.0), ("encoders.mitsuba.b.bias", 2, 1.0)], "encoders.mitsuba.b.bias is part of no"),
-            (vec![("encoders.mitsuba.a.bias", 2, 1.0), ("encoders.arnold.a.bias", 2, 1.0)], "encoders.arnold.a.bias is part of no"),
+            (
+                vec![("encoders.mitsuba.a.bias", 2, 1.0), ("encoders.mitsuba.b.bias", 2, 1.0)],
+                "encoders.mitsuba.b.bias is part of no",
+            ),
+            (
+                vec![("encoders.mitsuba.a.bias", 2, 1.0), ("encoders.arnold.a.bias", 2, 1.0)],
+                "encoders.arnold.a.bias is part of no",
+            ),
         ] {
             let all: Vec<_> = [first].into_iter().chain(others).collect();
             let message = check(&tensors(&all), &two).unwrap_err();
