@@ -38,8 +38,8 @@ fn other_settings_make_the_frames_again_and_say_so() {
         (Job { lambda: Lambda::constant(4.0).unwrap(), ..shot.job() }, "lambda 1 → 4"),
         (Job { window: Some(1), ..shot.job() }, "lambda 4 → 1, window 2 → 1"),
         (Job { keep_noisy: true, ..shot.job() }, "window 1 → 2, keep noisy false → true"),
-        (Job { renderer: Some("mitsuba".into()), ..shot.job() }, "keep noisy true → false, renderer default → mitsuba"),
         (Job { model: ModelId { name: "b".into(), hash: Some("1".into()) }, ..shot.job() }, "model embedded ("),
+        (Job { renderer: Some("mitsuba".into()), ..shot.job() }, "), renderer default → mitsuba"),
     ];
     for (job, expected) in changed {
         let outcome = shot.run(&job);

@@ -9,6 +9,7 @@ use super::skip_args::SkipArgs;
 use crate::engine::{Engine, Settings};
 use crate::error::{Error, Result};
 use crate::io::sequence::Sequence;
+use crate::network::renderers::DEFAULT_RENDERER;
 use crate::network::weights::Weights;
 use crate::plan::frames::FrameSet;
 use crate::plan::skip::Skip;
@@ -98,7 +99,8 @@ impl JobArgs {
             let reason = format!("{} names other weights, and one run has one kind: pass --model", settings.origin("model"));
             return Err(Error::BadSetting { name: "model", reason });
         }
-        if settings.values.renderer != engine.values.renderer {
+        let renderer = |s: &Layered| s.values.renderer.as_deref().unwrap_or(DEFAULT_RENDERER).to_ascii_lowercase();
+        if renderer(&settings) != renderer(engine) {
             let by = settings.origin("renderer");
             let reason = format!("{by} names another renderer, and one run has one encoder: pass --renderer");
             return Err(Error::BadSetting { name: "renderer", reason });
