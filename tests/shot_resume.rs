@@ -39,6 +39,7 @@ fn other_settings_make_the_frames_again_and_say_so() {
         (Job { window: Some(1), ..shot.job() }, "lambda 4 → 1, window 2 → 1"),
         (Job { keep_noisy: true, ..shot.job() }, "window 1 → 2, keep noisy false → true"),
         (Job { model: ModelId { name: "b".into(), hash: Some("1".into()) }, ..shot.job() }, "model embedded ("),
+        (Job { renderer: Some("mitsuba".into()), ..shot.job() }, "), renderer default → mitsuba"),
     ];
     for (job, expected) in changed {
         let outcome = shot.run(&job);

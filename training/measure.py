@@ -53,6 +53,7 @@ def main() -> None:
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("--shots", type=Path, nargs="+", required=True, help="folders of NNNNNN.npz; seeds divisible by 8 are measured")
     p.add_argument("--hush", type=Path, required=True, help="the program")
+    p.add_argument("--renderer", default="cycles", help="whose encoder to use")
     p.add_argument("--lambda", dest="lam", type=float, default=1.0)
     a = p.parse_args()
     _, held = read_split(a.shots)
@@ -70,7 +71,8 @@ def main() -> None:
                 write_frame(shot, index, Path(folder) / f"frame_{index:04d}.exr")
             for window in WINDOWS:
                 out = Path(folder) / f"window{window}"
-                options = ["--window", str(window), "--frames", str(shot.centre), "--lambda", str(a.lam), "--quiet"]
+                options = ["--window", str(window), "--frames", str(shot.centre), "--lambda", str(a.lam)]
+                options += ["--renderer", a.renderer, "--quiet"]
                 subprocess.run([a.hush, "denoise", folder, "--output", out, *options], check=True)
                 scores[f"window {window}"].append(score(read_beauty(out / f"frame_{shot.centre:04d}.exr")))
     print(f"| {len(held)} shots | SMAPE | relMSE |\n|---|---|---|")

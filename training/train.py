@@ -27,6 +27,7 @@ from torch.optim import AdamW
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 Batch = dict[str, Tensor]
+TEMPORAL = 0.25
 M_TRIM_THRESHOLD, M_TOP_PAD, M_MMAP_THRESHOLD = -1, -2, -3  # of malloc.h
 
 
@@ -227,7 +228,7 @@ def main() -> None:
     p.add_argument("--steps", type=int, default=10**9, help="end the run there; the schedule stays")
     p.add_argument("--batch", type=int, default=4, help="denoised frames a step")
     p.add_argument("--rate", type=float, default=1e-3)
-    p.add_argument("--temporal", type=float, default=0.25, help="share of the temporal loss")
+    p.add_argument("--temporal", type=float, default=TEMPORAL, help="share of the temporal loss")
     p.add_argument("--threads", type=int, default=1)
     p.add_argument("--bf16", action="store_true", help="convolutions in bfloat16 (fast on CPUs with AVX512-BF16)")
     p.add_argument("--fused", action="store_true", help="apply the kernels in C++ (needs g++): twice as fast")

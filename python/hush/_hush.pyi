@@ -43,6 +43,7 @@ def denoise(
     memory: int | None = None,
     threads: int | None = None,
     model: _Path | None = None,
+    renderer: str | None = None,
 ) -> _Image: ...
 @final
 class Denoised:
@@ -61,6 +62,7 @@ class Denoiser:
         lam: float = 1.0,
         *,
         model: _Path | None = None,
+        renderer: str | None = None,
         memory: int | None = None,
         threads: int | None = None,
     ) -> Denoiser: ...

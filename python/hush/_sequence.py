@@ -34,6 +34,7 @@ def denoise_sequence(
     memory: int | None = None,
     threads: int | None = None,
     model: Path | None = None,
+    renderer: str | None = None,
     progress: Callable[[dict[str, Any]], object] | None = None,
     cancel: Callable[[], object] | None = None,
 ) -> dict[str, Any]:
@@ -63,6 +64,7 @@ def denoise_sequence(
         memory: Bytes for the frames in the window and the computing; None for 3.1 GiB. Less is slower and gives the same bits.
         threads: Threads, 1 to 4096; None for all cores. Any number gives the same bits.
         model: Other weights, a safetensors file.
+        renderer: What made the frames, one that the weights have an encoder for: "cycles" or "mitsuba"; None for the first, Cycles.
         progress: Called in this thread with each event as a dict, see "JSON events" in the README. The run waits for it.
         cancel: Called in this thread at least every tenth of a second; the run stops after the frame in hand once it returns true.
 
@@ -104,6 +106,7 @@ def plan_sequence(
     memory: int | None = None,
     threads: int | None = None,
     model: Path | None = None,
+    renderer: str | None = None,
 ) -> dict[str, Any]:
     """Tells what `denoise_sequence` would do with the same arguments, from the files' headers alone. Writes nothing.
 

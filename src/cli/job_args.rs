@@ -9,6 +9,8 @@ use super::skip_args::SkipArgs;
 use crate::engine::{Engine, Settings};
 use crate::error::{Error, Result};
 use crate::io::sequence::Sequence;
+use crate::network::renderers::DEFAULT_RENDERER;
+use crate::network::weights::Weights;
 use crate::plan::frames::FrameSet;
 use crate::plan::skip::Skip;
 use crate::settings::{Layered, ShotSettings};
@@ -90,12 +92,18 @@ impl JobArgs {
     /// The job for a sequence, with the settings beside its frames, for an engine that was made by `engine`.
     ///
     /// # Errors
-    /// The settings beside the frames name other weights than the engine has.
+    /// The settings beside the frames name other weights or another renderer than the engine has.
     pub fn job_with(&self, sequence: Sequence, engine: &Layered) -> Result<Job> {
         let settings = self.settings_of(&sequence)?;
         if settings.values.model != engine.values.model {
             let reason = format!("{} names other weights, and one run has one kind: pass --model", settings.origin("model"));
             return Err(Error::BadSetting { name: "model", reason });
+        }
+        let renderer = |s: &Layered| s.values.renderer.as_deref().unwrap_or(DEFAULT_RENDERER).to_ascii_lowercase();
+        if renderer(&settings) != renderer(engine) {
+            let by = settings.origin("renderer");
+            let reason = format!("{by} names another renderer, and one run has one encoder: pass --renderer");
+            return Err(Error::BadSetting { name: "renderer", reason });
         }
         Ok(Job { skip: self.skip()?, ..settings.job(sequence, engine.values.output.clone())? })
     }
@@ -104,9 +112,6 @@ impl JobArgs {
     pub fn engine_for(&self, settings: &ShotSettings) -> Result<Engine> {
         let threads = self.threads.map(usize::from);
         let engine = Settings { memory: settings.memory, skip: self.skip()?, threads, ..Settings::default() };
-        match &settings.model {
-            Some(path) => Engine::from_file(path, engine),
-            None => Engine::new(engine),
-        }
+        Engine::from_weights(&Weights::open(settings.model.as_deref(), settings.renderer.as_deref())?, engine)
     }
 }

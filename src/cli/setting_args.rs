@@ -56,6 +56,9 @@ pub(super) struct SettingArgs {
     /// Other weights, a safetensors file
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
+    /// Renderer that made the frames, one that the weights have an encoder for: cycles or mitsuba [default: cycles]
+    #[arg(long, value_name = "NAME")]
+    renderer: Option<String>,
     /// Denoise although the shot's settings switch it off
     #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true")]
     enable: Option<bool>,
@@ -80,6 +83,7 @@ impl SettingArgs {
             guides,
             keep_noisy: self.keep_noisy,
             model: self.model.clone(),
+            renderer: self.renderer.clone(),
             memory: self.memory,
             ..ShotSettings::default()
         })

@@ -40,6 +40,9 @@ pub(super) struct ShotArgs {
     /// Other weights, a safetensors file
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
+    /// Renderer that made the frames, one that the weights have an encoder for: cycles or mitsuba [default: cycles]
+    #[arg(long, value_name = "NAME")]
+    renderer: Option<String>,
 }
 
 impl ShotArgs {
@@ -67,6 +70,6 @@ impl ShotArgs {
 
     /// The weights.
     pub fn weights(&self) -> Result<Weights> {
-        self.model.as_deref().map_or_else(Weights::embedded, Weights::from_file)
+        Weights::open(self.model.as_deref(), self.renderer.as_deref())
     }
 }

@@ -102,7 +102,8 @@ impl Engine {
         Self::from_weights(&Weights::from_file(path)?, settings)
     }
 
-    /// An engine with weights in memory. Errors name the tensor that is missing or misshapen, or a setting out of its range.
+    /// An engine with weights in memory, and with the encoder of their first renderer or of the one that
+    /// [`Weights::for_renderer`] chose. Errors name the tensor that is missing or misshapen, or a setting out of its range.
     pub fn from_weights(weights: &Weights, settings: Settings) -> Result<Self> {
         check_levels(settings.levels)?;
         let a = &weights.architecture;

@@ -19,7 +19,7 @@ pub struct PassNames {
     /// X, Y, Z or R, G, B.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub normal: Option<String>,
-    /// One channel.
+    /// One channel: Z, V, R, X, Y or T.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub depth: Option<String>,
     /// Four channels as Cycles has them: pixels from the previous frame to this one, and from this one to the next.

@@ -158,7 +158,7 @@ pub fn resolve(layout: &Layout, selection: &Selection) -> Result<Resolved> {
     };
     let albedo = find(wanted.albedo, &names.albedo, &["Denoising Albedo"], &[&["R", "G", "B"]]);
     let normal = find(wanted.normal, &names.normal, &["Denoising Normal"], &[&["X", "Y", "Z"], &["R", "G", "B"]]);
-    let depth_letters: &[&[&str]] = &[&["Z"], &["V"], &["R"], &["X"], &["Y"]];
+    let depth_letters: &[&[&str]] = &[&["Z"], &["V"], &["R"], &["X"], &["Y"], &["T"]];
     let depth = find(wanted.depth, &names.depth, &["Denoising Depth", "Depth"], depth_letters);
     let vector = match wanted.vector {
         true => vector(layout, selection, &mut guides)?,

@@ -30,7 +30,7 @@ pub struct Encoder {
 }
 
 impl Encoder {
-    /// Takes the layers `encoder.*` of the weights.
+    /// Takes the layers `encoder.*` of the weights: those of the renderer that was chosen.
     pub fn new(weights: &Weights) -> Result<Self> {
         let width = weights.architecture.features;
         let first = weights.layer("encoder.first", width, 4 * INPUTS, 1)?;

@@ -7,6 +7,7 @@ pub mod levels;
 pub(crate) mod logits;
 pub mod pairs;
 pub mod predictor;
+pub mod renderers;
 pub mod residual;
 pub mod specialisation;
 pub mod temporal;

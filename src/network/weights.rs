@@ -7,6 +7,7 @@ use ndarray::{Array1, Array4, ArrayD, Ix1, Ix4};
 use safetensors::{Dtype, SafeTensors};
 use serde::{Deserialize, Serialize};
 
+use super::renderers;
 use crate::error::{Error, Result};
 use crate::simd::Conv;
 
@@ -92,6 +93,8 @@ pub struct Weights {
     /// The file's name, or "embedded".
     pub name: String,
     pub architecture: Architecture,
+    /// The renderers that the file has a source encoder for, the default first.
+    pub renderers: Vec<String>,
     /// The rest of the header: training data, steps, validation numbers.
     pub record: HashMap<String, String>,
     tensors: HashMap<String, ArrayD<f32>>,
@@ -123,6 +126,7 @@ impl Weights {
             .ok_or_else(|| refuse(format!("the header has no {ARCHITECTURE_KEY}: not a Hush model")))?;
         let architecture: Architecture = serde_json::from_str(&text).map_err(|e| refuse(format!("{ARCHITECTURE_KEY}: {e}")))?;
         architecture.check().map_err(refuse)?;
+        let renderers = renderers::named(record.remove(renderers::ENCODERS_KEY).as_deref()).map_err(refuse)?;
         let file = SafeTensors::deserialize(bytes).map_err(|e| refuse(format!("damaged: {e}")))?;
         let mut tensors = HashMap::new();
         for (key, view) in file.iter() {
@@ -137,7 +141,24 @@ impl Weights {
             let array = ArrayD::from_shape_vec(view.shape(), values).map_err(|e| refuse(format!("tensor {key}: {e}")))?;
             tensors.insert(key.to_string(), array);
         }
-        Ok(Self { name: name.into(), architecture, record, tensors })
+        renderers::check(&tensors, &renderers).map_err(refuse)?;
+        Ok(Self { name: name.into(), architecture, renderers, record, tensors })
+    }
+
+    /// The weights of a file, or those that this build carries, with the encoder of a renderer; None is the file's first.
+    pub fn open(path: Option<&Path>, renderer: Option<&str>) -> Result<Self> {
+        path.map_or_else(Self::embedded, Self::from_file)?.for_renderer(renderer)
+    }
+
+    /// These weights with the encoder of one of [`renderers`](Self::renderers), whatever its case, and of that one only; None is
+    /// the first.
+    ///
+    /// # Errors
+    /// [`Error::BadSetting`], naming those there are, where the weights have no encoder for it.
+    pub fn for_renderer(mut self, renderer: Option<&str>) -> Result<Self> {
+        let name = renderers::choose(&mut self.tensors, &self.renderers, renderer, &self.name)?;
+        self.renderers = vec![name];
+        Ok(self)
     }
 
     fn take(&self, key: &str, shape: &[usize]) -> Result<ArrayD<f32>> {

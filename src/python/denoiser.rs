@@ -32,6 +32,7 @@ static DEFAULT: OnceLock<Engine> = OnceLock::new();
 ///     memory: Bytes for the frame and the computing; None for 3.1 GiB. Less is slower and gives the same bits.
 ///     threads: Threads, 1 to 4096; None for all cores. Any number gives the same bits.
 ///     model: Other weights, a safetensors file. They are read at every call; a Denoiser reads them once.
+///     renderer: What made the image, one that the weights have an encoder for: "cycles" or "mitsuba"; None for the first, Cycles.
 ///
 /// Returns:
 ///     The denoised image, float32, of color's shape; `out` where it was given.
@@ -44,7 +45,7 @@ static DEFAULT: OnceLock<Engine> = OnceLock::new();
 ///     ValueError: An array of the wrong shape, a setting out of range.
 ///     OSError, HushError: The weights file cannot be read, or used.
 #[pyfunction]
-#[pyo3(signature = (color, albedo=None, normal=None, depth=None, vector=None, *, lam=1.0, out=None, memory=None, threads=None, model=None))]
+#[pyo3(signature = (color, albedo=None, normal=None, depth=None, vector=None, *, lam=1.0, out=None, memory=None, threads=None, model=None, renderer=None))]
 #[allow(clippy::too_many_arguments, reason = "keywords in Python")]
 pub fn denoise<'py>(
     py: Python<'py>,
@@ -58,20 +59,21 @@ pub fn denoise<'py>(
     memory: Option<i64>,
     threads: Option<i64>,
     model: Option<PathBuf>,
+    renderer: Option<&str>,
 ) -> PyResult<Py<PyAny>> {
     let lam = check_lam(lam)?;
     let passes = Passes::new(&Given { color, albedo, normal, depth, vector, aovs: None })?;
     let own;
-    let engine = if (memory, threads, &model) == (None, None, &None) {
+    let engine = if (memory, threads, &model, renderer) == (None, None, &None, None) {
         match DEFAULT.get() {
             Some(engine) => engine,
             None => {
-                let made = engine(py, None, None, None)?;
+                let made = engine(py, None, None, None, None)?;
                 DEFAULT.get_or_init(|| made)
             }
         }
     } else {
-        own = engine(py, model, memory, threads)?;
+        own = engine(py, model, renderer, memory, threads)?;
         &own
     };
     let frame = passes.view()?;
@@ -127,6 +129,7 @@ impl Denoised {
 ///     window: Frames on each side that help, 0 to 3.
 ///     lam: λ where `push` says nothing else, from 1 (cleanest) to 64 (keeps grain and the detail hidden in it).
 ///     model: Other weights, a safetensors file.
+///     renderer: What made the frames, one that the weights have an encoder for: "cycles" or "mitsuba"; None for the first, Cycles.
 ///     memory: Bytes for the frames in the window and the computing; None for 3.1 GiB. Less is slower and gives the same bits.
 ///     threads: Threads, 1 to 4096; None for all cores. Any number gives the same bits.
 ///
@@ -172,17 +175,18 @@ struct Ready {
 #[pymethods]
 impl Denoiser {
     #[new]
-    #[pyo3(signature = (window=2, lam=1.0, *, model=None, memory=None, threads=None))]
+    #[pyo3(signature = (window=2, lam=1.0, *, model=None, renderer=None, memory=None, threads=None))]
     fn new(
         py: Python<'_>,
         window: i64,
         lam: f64,
         model: Option<PathBuf>,
+        renderer: Option<&str>,
         memory: Option<i64>,
         threads: Option<i64>,
     ) -> PyResult<Self> {
         let (window, lam) = (check_window(window)?, check_lam(lam)?);
-        Ok(Self { engine: engine(py, model, memory, threads)?, window, lam, state: Mutex::default() })
+        Ok(Self { engine: engine(py, model, renderer, memory, threads)?, window, lam, state: Mutex::default() })
     }
 
     /// Takes the next frame.

@@ -34,7 +34,7 @@ pub fn inspect(py: Python<'_>, path: PathBuf) -> PyResult<String> {
 pub fn plan_sequence(py: Python<'_>, options: &Bound<'_, PyDict>) -> PyResult<String> {
     let job = job(options)?;
     // Weights, memory and threads are refused here as they would be by the run.
-    engine(py, get(options, "model")?, get(options, "memory")?, get(options, "threads")?)?;
+    engine_of(py, options)?;
     to_json(&py.detach(|| Plan::new(&job))?)
 }
 
@@ -47,11 +47,17 @@ pub fn denoise_sequence(
     cancel: Option<Py<PyAny>>,
 ) -> PyResult<String> {
     let job = job(options)?;
-    let engine = engine(py, get(options, "model")?, get(options, "memory")?, get(options, "threads")?)?;
+    let engine = engine_of(py, options)?;
     let calls = Calls { progress, cancel, token: CancelToken::new(), failed: None };
     let (summary, failed) = py.detach(move || run_beside(&job, &engine, calls));
     failed.map_or(Ok(()), Err)?;
     to_json::<Summary>(&summary?)
+}
+
+/// The engine that the keywords describe.
+fn engine_of(py: Python<'_>, options: &Bound<'_, PyDict>) -> PyResult<Engine> {
+    let renderer: Option<String> = get(options, "renderer")?;
+    engine(py, get(options, "model")?, renderer.as_deref(), get(options, "memory")?, get(options, "threads")?)
 }
 
 /// Runs the job on another thread and serves Python on this one; also what Python raised.
@@ -132,6 +138,7 @@ fn job(options: &Bound<'_, PyDict>) -> PyResult<Job> {
     let frames: Option<String> = get(options, "frames")?;
     let window: Option<i64> = get(options, "window")?;
     let model: Option<PathBuf> = get(options, "model")?;
+    let renderer: Option<String> = get(options, "renderer")?;
     let guides = Guides {
         albedo: get(options, "albedo")?,
         normal: get(options, "normal")?,
@@ -159,6 +166,7 @@ fn job(options: &Bound<'_, PyDict>) -> PyResult<Job> {
             keep_noisy,
             overwrite,
             strict,
+            renderer,
             model: model.as_deref().map_or(Ok(ModelId::embedded()), ModelId::of_file)?,
             ..Job::new(sequence, output)
         })

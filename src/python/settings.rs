@@ -6,6 +6,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::engine::{Engine, Settings};
+use crate::network::weights::Weights;
 use crate::plan::window::{LAMBDA_RANGE, MAX_WINDOW};
 
 /// λ as the engine takes it; outside of its range a ValueError.
@@ -33,14 +34,17 @@ pub fn check_window(window: i64) -> PyResult<usize> {
     Ok(check_number("window", window, 0, MAX_WINDOW as i64)? as usize)
 }
 
-/// An engine; `memory` in bytes.
-pub fn engine(py: Python<'_>, model: Option<PathBuf>, memory: Option<i64>, threads: Option<i64>) -> PyResult<Engine> {
+/// An engine; `memory` in bytes, `renderer` one that the weights have an encoder for.
+pub fn engine(
+    py: Python<'_>,
+    model: Option<PathBuf>,
+    renderer: Option<&str>,
+    memory: Option<i64>,
+    threads: Option<i64>,
+) -> PyResult<Engine> {
     let memory = memory.map(|m| check_number("memory", m, 1, i64::MAX)).transpose()?.map(|m| m as u64);
     let threads = threads.map(|t| check_number("threads", t, 1, 4096)).transpose()?.map(|t| t as usize);
     let settings = Settings { memory, threads, ..Settings::default() };
-    let engine = py.detach(|| match model {
-        Some(path) => Engine::from_file(&path, settings),
-        None => Engine::new(settings),
-    });
-    Ok(engine?)
+    let made = || Engine::from_weights(&Weights::open(model.as_deref(), renderer)?, settings);
+    Ok(py.detach(made)?)
 }

@@ -20,7 +20,7 @@ const fn key(name: &'static str, usd: &'static str, usd_type: &'static str, opti
 }
 
 /// All settings, in the order that `hush shot show` prints them.
-pub const KEYS: [Key; 19] = [
+pub const KEYS: [Key; 20] = [
     key("enable", "denoise:enable", "bool", "--enable", "true"),
     key("input", "hush:input", "string", "INPUT", "the folder or pattern named"),
     key("output", "hush:output", "string", "--output", "none"),
@@ -39,6 +39,7 @@ pub const KEYS: [Key; 19] = [
     key("passes.vector", "hush:passes:vector", "string", "", "Vector"),
     key("keep_noisy", "hush:keepNoisy", "bool", "--keep-noisy", "false"),
     key("model", "hush:model", "string", "--model", "in the binary"),
+    key("renderer", "hush:renderer", "token", "--renderer", "cycles"),
     key("memory", "hush:memory", "string", "--memory", "3.1G"),
 ];
 
@@ -50,7 +51,7 @@ macro_rules! each_setting {
             "window" => window, "layers" => layers, "view" => view, "vector_layer" => vector_layer, "aovs" => aovs,
             "guides" => guides, "passes.beauty" => passes.beauty, "passes.albedo" => passes.albedo,
             "passes.normal" => passes.normal, "passes.depth" => passes.depth, "passes.vector" => passes.vector,
-            "keep_noisy" => keep_noisy, "model" => model, "memory" => memory
+            "keep_noisy" => keep_noisy, "model" => model, "renderer" => renderer, "memory" => memory
         }
     };
 }

@@ -170,6 +170,7 @@ impl Layered {
             selection,
             keep_noisy: values.keep_noisy.unwrap_or_default(),
             model: values.model.as_deref().map_or(Ok(ModelId::embedded()), ModelId::of_file)?,
+            renderer: values.renderer.clone(),
             notes: self.notes.clone(),
             ..Job::new(sequence, output)
         })
@@ -205,7 +206,7 @@ mod tests {
     #[test]
     fn every_key_is_a_field_and_every_field_a_key() {
         let full = r#"{"enable": true, "input": "a", "output": "b", "frames": "1-2", "lambda": 2, "window": 1, "layers": ["A"],
-            "view": "left", "vector_layer": "V", "aovs": "all", "guides": "albedo", "keep_noisy": true, "model": "m", "memory": "4G",
+            "view": "left", "vector_layer": "V", "aovs": "all", "guides": "albedo", "keep_noisy": true, "model": "m", "renderer": "r", "memory": "4G",
             "passes": {"beauty": "a", "albedo": "b", "normal": "c", "depth": "d", "vector": "e"}}"#;
         let all = layered(full, "");
         assert_eq!(all.given().collect::<Vec<_>>(), KEYS.map(|k| k.name));

@@ -86,6 +86,9 @@ pub struct ShotSettings {
     /// Other weights, a safetensors file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub model: Option<PathBuf>,
+    /// The renderer that made the frames, one that the weights have an encoder for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub renderer: Option<String>,
     /// Bytes for the frames in the window and the computing; in files also `4G`.
     #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "size::bytes")]
     pub memory: Option<u64>,

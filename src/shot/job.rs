@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Result};
 use crate::io::sequence::Sequence;
 use crate::io::{Guides, PassNames, Selection};
+use crate::network::renderers::DEFAULT_RENDERER;
 use crate::network::weights::EMBEDDED;
 use crate::plan::frames::FrameSet;
 use crate::plan::lambda::Lambda;
@@ -40,6 +41,8 @@ pub struct Job {
     pub skip: Skip,
     /// What the engine's weights are, for the manifest.
     pub model: ModelId,
+    /// The renderer whose encoder the engine has, for the manifest; None for the weights' first.
+    pub renderer: Option<String>,
     /// What is odd about the settings themselves; told once.
     pub notes: Vec<String>,
 }
@@ -71,6 +74,7 @@ impl Job {
             strict: false,
             skip: Skip::default(),
             model: ModelId::embedded(),
+            renderer: None,
             notes: Vec::new(),
         }
     }
@@ -109,6 +113,7 @@ impl Job {
             keep_noisy: self.keep_noisy,
             skip: self.skip,
             model: self.model.clone(),
+            renderer: self.renderer.as_ref().map(|r| r.to_ascii_lowercase()).filter(|r| r != DEFAULT_RENDERER),
         })
     }
 }
@@ -164,6 +169,9 @@ pub struct FrameSettings {
     pub skip: Skip,
     /// The weights.
     pub model: ModelId,
+    /// The renderer whose encoder was used; None for Cycles and where nothing was said.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub renderer: Option<String>,
 }
 
 /// Guides that may be used where the files hold them.
@@ -221,6 +229,7 @@ impl FrameSettings {
             ("keep noisy", old.keep_noisy.to_string(), self.keep_noisy.to_string()),
             ("left out", rules(old.skip), rules(self.skip)),
             ("model", model(&old.model), model(&self.model)),
+            ("renderer", opt(&old.renderer), opt(&self.renderer)),
         ];
         let changed = pairs.iter().filter(|(_, a, b)| a != b).map(|(name, a, b)| format!("{name} {a} → {b}"));
         changed.collect::<Vec<_>>().join(", ")
@@ -256,6 +265,10 @@ mod tests {
         assert_eq!(b.changes_since(&a), "lambda 1 → 4, window 2 → 0");
         let c = Job { skip: Skip::NONE, ..job() }.settings(2, 1).unwrap();
         assert_eq!(c.changes_since(&a), "left out constant+opaque+untrusted+still → nothing");
+        let d = Job { renderer: Some("Mitsuba".into()), ..job() }.settings(2, 1).unwrap();
+        assert_eq!(d.changes_since(&a), "renderer default → mitsuba");
+        assert_eq!(Job { renderer: Some("cycles".into()), ..job() }.settings(2, 1).unwrap(), a);
+        assert!(!serde_json::to_string(&a).unwrap().contains("renderer"), "manifests of before must keep their keys");
         assert!(a.key() != b.key() && a.key() == job().settings(2, 9).unwrap().key());
         let json = serde_json::to_string(&b).unwrap();
         assert_eq!(serde_json::from_str::<FrameSettings>(&json).unwrap(), b);

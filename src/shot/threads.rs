@@ -64,7 +64,8 @@ pub(super) fn write(plan: &Plan, keep_noisy: bool, engine: &Engine, from: &Recei
 /// The attribute `hush` of an output.
 fn made_by(plan: &Plan, frame: &PlannedFrame) -> String {
     let (window, model) = (plan.settings.window, &plan.settings.model.name);
-    format!("hush {}, lambda {}, window {window}, model {model}", env!("CARGO_PKG_VERSION"), frame.lambda)
+    let renderer = plan.settings.renderer.as_ref().map_or(String::new(), |name| format!(", renderer {name}"));
+    format!("hush {}, lambda {}, window {window}, model {model}{renderer}", env!("CARGO_PKG_VERSION"), frame.lambda)
 }
 
 /// Whether an error is about the output folder itself, so that every further frame would meet it too.

@@ -152,6 +152,7 @@ def test_inspect_tells_what_the_command_tells(command_line: Hush, small: Path) -
         ({"layers": ["Nothing"]}, hush.HushError, "Nothing"),
         ({"model": "/nowhere.safetensors"}, FileNotFoundError, "nowhere"),
         ({"model": __file__}, hush.HushError, "test_module"),
+        ({"renderer": "arnold"}, ValueError, "cycles, mitsuba"),
         ({"inputs": "/nowhere"}, FileNotFoundError, "nowhere"),
         ({"inputs": "/nowhere/f_####.exr"}, FileNotFoundError, "nowhere"),
         ({"inputs": []}, ValueError, "inputs"),

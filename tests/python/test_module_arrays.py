@@ -159,6 +159,7 @@ def test_wrong_types_are_named(frame: Passes, wrong: object) -> None:
         ("threads", 5000, ValueError),
         ("model", "/nowhere/weights.safetensors", FileNotFoundError),
         ("model", __file__, hush.HushError),
+        ("renderer", "arnold", ValueError),
     ],
 )
 def test_bad_settings_are_refused(frame: Passes, setting: str, value: object, error: type[Exception]) -> None:
@@ -178,6 +179,12 @@ def test_threads_memory_and_model_do_not_change_a_bit(frame: Passes, clean: np.n
     assert same(hush.denoise(**frame, threads=1), clean)
     assert same(hush.denoise(**frame, memory=1), clean)
     assert same(hush.denoise(**frame, model=MODEL), clean)
+
+
+def test_each_renderer_has_its_encoder(frame: Passes, clean: np.ndarray) -> None:
+    assert same(hush.denoise(**frame, renderer="cycles"), clean)
+    other = hush.denoise(**frame, renderer="mitsuba")
+    assert np.isfinite(other).all() and not same(other, clean)
 
 
 def test_a_denoiser_gives_each_frame_back_once_and_in_order() -> None:

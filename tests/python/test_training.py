@@ -48,6 +48,24 @@ def test_the_measured_numbers_stand_in_the_header(record: dict[str, Any]) -> Non
     assert 0 < window < alone < 1, "neighbours must help"
 
 
+def test_further_encoders_have_the_first_ones_tensors_and_their_own_record(header: dict[str, Any]) -> None:
+    found, metadata = tensors(header), header["__metadata__"]
+    first, *others = json.loads(metadata["hush.encoders"])
+    layers = {name.removeprefix("encoder."): about["shape"] for name, about in found.items() if name.startswith("encoder.")}
+    assert first == "cycles"
+    assert others == ["mitsuba"]
+    for renderer in others:
+        prefix = f"encoders.{renderer}."
+        assert {name.removeprefix(prefix): about["shape"] for name, about in found.items() if name.startswith(prefix)} == layers
+        trained, held = (json.loads(metadata[f"hush.{part}.{renderer}"]) for part in ("training", "validation"))
+        assert trained["seeds"]
+        assert [seed for seed in trained["seeds"] if seed % 8 == 0] == []
+        assert held["seeds"]
+        assert [seed for seed in held["seeds"] if seed % 8] == []
+        assert held["smape_window_2"] < held["cycles_encoder_smape_window_2"]
+        assert held["smape_window_0"] < held["cycles_encoder_smape_window_0"]
+
+
 def test_the_tensors_have_the_shapes_that_the_architecture_says(header: dict[str, Any], record: dict[str, Any]) -> None:
     a, found = record["architecture"], tensors(header)
     assert (a["version"], a["levels"]) == (1, 3)

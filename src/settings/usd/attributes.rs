@@ -121,6 +121,7 @@ fn set(stage: &Stage, attribute: &Attribute, name: &str, into: &mut ShotSettings
         "layers" => into.layers = Some(list()?),
         "aovs" => into.aovs = Some(list()?),
         "guides" => into.guides = Some(parse_guides(&texts(&value).ok_or_else(|| wrong("a list of tokens"))?).map_err(said)?),
+        "renderer" => into.renderer = Some(one()?),
         "view" => into.view = Some(one()?),
         "vector_layer" => into.vector_layer = Some(one()?),
         "memory" => {

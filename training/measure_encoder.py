@@ -1,0 +1,60 @@
+"""Measures the encoders of a weights file on another renderer's validation shots, beside the noisy image and OIDN.
+
+    python measure_encoder.py --weights ../models/hush.safetensors --shots shots
+
+SMAPE and relMSE of the middle frames at λ 1, as `train.py: validate` and `peers.py` compute them; a table on standard output.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import pyoidn
+import torch
+from data import OFFSETS, prepare, read_split
+from loss import smape
+from peers import denoised, rel_mse
+from torch import Tensor
+from train import collate
+from train_encoder import WeightsFile
+
+OIDN = {"noisy": "noisy", "oidn_high": "OIDN high", "oidn_clean_aux": "OIDN clean_aux"}
+
+
+@torch.no_grad()
+def main() -> None:
+    p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p.add_argument("--weights", type=Path, required=True)
+    p.add_argument("--shots", type=Path, nargs="+", required=True, help="folders of NNNNNN.npz; seeds divisible by 8 are measured")
+    p.add_argument("--threads", type=int, default=1)
+    a = p.parse_args()
+    torch.set_num_threads(a.threads)
+    _, held = read_split(a.shots)
+    file = WeightsFile.read(a.weights)
+    scores: dict[str, list[tuple[float, float]]] = {}
+    with pyoidn.Device() as device:
+        device.set_int("numThreads", a.threads)
+        device.set_bool("setAffinity", False)
+        device.commit()
+        nets = {name: file.network(name) for name in file.renderers()}
+        for shot in held:
+            images: dict[str, Tensor] = {OIDN[name]: image for name, image in denoised(device, shot).items()}
+            for window, offsets in ((0, ()), (2, OFFSETS)):
+                batch = collate([prepare(shot, offsets)])
+                for name, net in nets.items():
+                    images[f"Hush, window {window}, {name} encoder"] = net(batch, torch.ones(1))["image"][0]
+            target = prepare(shot, ())
+            reference = target["reference"] * target["gain"]
+            for name, image in images.items():
+                scaled = image * target["gain"]
+                scores.setdefault(name, []).append((float(smape(scaled, reference).mean()), float(rel_mse(scaled, reference).mean())))
+    print(f"| {len(held)} shots | SMAPE | relMSE |\n|---|---|---|")
+    for name, values in scores.items():
+        mean = np.mean(values, 0)
+        print(f"| {name} | {mean[0]:.4f} | {mean[1]:.4f} |")
+
+
+if __name__ == "__main__":
+    main()
