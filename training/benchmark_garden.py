@@ -11,7 +11,9 @@ import shapes
 from benchmark_kit import between, block, camera, grid, lamp, lathe, mesh, plain, sky, speckled
 
 
-def blades(r: random.Random, count: int, reach: float, high: tuple[float, float]) -> tuple[list[tuple[float, float, float]], list[tuple[int, ...]]]:
+def blades(
+    r: random.Random, count: int, reach: float, high: tuple[float, float]
+) -> tuple[list[tuple[float, float, float]], list[tuple[int, ...]]]:
     """A tuft: bent, pointed blades around the origin."""
     points: list[tuple[float, float, float]] = []
     faces: list[tuple[int, ...]] = []
@@ -23,7 +25,13 @@ def blades(r: random.Random, count: int, reach: float, high: tuple[float, float]
             t = level / 3
             out, half = lean * tall * t * t, wide * (1 - 0.25 * level)
             for sign in (-1, 1):
-                points.append((x + out * math.cos(turn) - sign * half * math.sin(turn), y + out * math.sin(turn) + sign * half * math.cos(turn), tall * t))
+                points.append(
+                    (
+                        x + out * math.cos(turn) - sign * half * math.sin(turn),
+                        y + out * math.sin(turn) + sign * half * math.cos(turn),
+                        tall * t,
+                    )
+                )
         points.append((x + lean * tall * math.cos(turn), y + lean * tall * math.sin(turn), tall * (1 - 0.3 * lean)))
         faces += [(start, start + 1, start + 3, start + 2), (start + 2, start + 3, start + 5, start + 4), (start + 4, start + 5, start + 6)]
     return points, faces
@@ -92,8 +100,12 @@ def masonry() -> bpy.types.Material:
 
 def bark() -> bpy.types.Material:
     material, tree, shader = shading.principled("bark", Roughness=0.95)
-    ridges = shading.place(tree, "TexNoise", {"Vector": shading.coordinates(tree, (9, 9, 1.6)), "Scale": 1.6, "Detail": 4.0, "Distortion": 0.8})
-    tree.links.new(shading.ramp(tree, ridges.outputs["Fac"], [(0.35, (0.035, 0.022, 0.014)), (0.62, (0.26, 0.19, 0.13))]), shader.inputs["Base Color"])
+    ridges = shading.place(
+        tree, "TexNoise", {"Vector": shading.coordinates(tree, (9, 9, 1.6)), "Scale": 1.6, "Detail": 4.0, "Distortion": 0.8}
+    )
+    tree.links.new(
+        shading.ramp(tree, ridges.outputs["Fac"], [(0.35, (0.035, 0.022, 0.014)), (0.62, (0.26, 0.19, 0.13))]), shader.inputs["Base Color"]
+    )
     shading.bump(tree, shader, ridges.outputs["Fac"], 0.9, 0.06)
     return material
 

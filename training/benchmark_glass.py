@@ -14,7 +14,9 @@ def brushed(name: str, colour: tuple[float, float, float], rough: float) -> bpy.
     """Metal with fine rings, as from a lathe."""
     material, tree, shader = shading.principled(name, Metallic=1.0, Base_Color=(*colour, 1.0))
     rings = shading.place(tree, "TexNoise", {"Vector": shading.coordinates(tree, (0.6, 0.6, 90)), "Scale": 3.0, "Detail": 2.0})
-    tree.links.new(shading.ramp(tree, rings.outputs["Fac"], [(0.3, shading.grey(rough)), (0.7, shading.grey(2 * rough))]), shader.inputs["Roughness"])
+    tree.links.new(
+        shading.ramp(tree, rings.outputs["Fac"], [(0.3, shading.grey(rough)), (0.7, shading.grey(2 * rough))]), shader.inputs["Roughness"]
+    )
     shading.bump(tree, shader, rings.outputs["Fac"], 0.08, 0.002)
     return material
 
@@ -43,16 +45,40 @@ def backdrop() -> bpy.types.Material:
 
 
 def drinking_glass(at: tuple[float, float, float]) -> None:
-    bowl = [(0.0, 0.0), (0.26, 0.0), (0.27, 0.015), (0.06, 0.04), (0.028, 0.1), (0.028, 0.38), (0.10, 0.46), (0.23, 0.62), (0.26, 0.82), (0.22, 1.02)]
+    bowl = [
+        (0.0, 0.0),
+        (0.26, 0.0),
+        (0.27, 0.015),
+        (0.06, 0.04),
+        (0.028, 0.1),
+        (0.028, 0.38),
+        (0.10, 0.46),
+        (0.23, 0.62),
+        (0.26, 0.82),
+        (0.22, 1.02),
+    ]
     inside = [(0.207, 1.02), (0.245, 0.82), (0.215, 0.63), (0.09, 0.49), (0.0, 0.47)]
-    shapes.finished(shapes.turned("wine glass", [*shapes.rounded(bowl, 5), *shapes.rounded(inside, 5)], at, 96), shading.glass("clear", (1.0, 1.0, 1.0)))
+    shapes.finished(
+        shapes.turned("wine glass", [*shapes.rounded(bowl, 5), *shapes.rounded(inside, 5)], at, 96), shading.glass("clear", (1.0, 1.0, 1.0))
+    )
     wine = [(0.0, 0.476), (0.085, 0.494), (0.208, 0.634), (0.228, 0.72), (0.0, 0.72)]
     red = shading.glass("wine", (0.55, 0.03, 0.05))
     shapes.finished(shapes.turned("wine", wine, at, 96), red)
 
 
 def bottle(at: tuple[float, float, float]) -> None:
-    outside = [(0.0, 0.0), (0.24, 0.0), (0.26, 0.05), (0.26, 0.62), (0.20, 0.82), (0.085, 0.95), (0.08, 1.25), (0.10, 1.27), (0.10, 1.32), (0.07, 1.33)]
+    outside = [
+        (0.0, 0.0),
+        (0.24, 0.0),
+        (0.26, 0.05),
+        (0.26, 0.62),
+        (0.20, 0.82),
+        (0.085, 0.95),
+        (0.08, 1.25),
+        (0.10, 1.27),
+        (0.10, 1.32),
+        (0.07, 1.33),
+    ]
     inside = [(0.06, 1.3), (0.06, 0.96), (0.17, 0.81), (0.23, 0.61), (0.23, 0.06), (0.0, 0.05)]
     shapes.finished(shapes.turned("bottle", [*outside, *inside], at, 96), shading.glass("green glass", (0.55, 0.85, 0.6)))
     label = lathe("label", [(0.2635, 0.16), (0.2635, 0.52)], at, speckled("label", (0.70, 0.60, 0.42), (0.82, 0.74, 0.58), 30.0, bump=0), 1)
@@ -67,8 +93,15 @@ def build() -> None:
     bottle((-0.80, 0.45, 0))
     pot = [(0.0, 0.0), (0.30, 0.0), (0.34, 0.05), (0.36, 0.28), (0.30, 0.50), (0.19, 0.60), (0.20, 0.63), (0.0, 0.64)]
     lathe("pot", pot, (0.62, 0.12, 0), brushed("steel", (0.72, 0.72, 0.74), 0.14))
-    lathe("knob", [(0.0, 0.62), (0.03, 0.63), (0.035, 0.68), (0.07, 0.72), (0.05, 0.77), (0.0, 0.78)], (0.62, 0.12, 0), plain("bakelite", (0.02, 0.02, 0.02), Roughness=0.25))
-    handle = shapes.finished(shapes.ring("handle", 0.19, 0.028, (1.0, 0.12, 0.33), (math.pi / 2, 0, 0)), plain("bakelite", (0.02, 0.02, 0.02), Roughness=0.25))
+    lathe(
+        "knob",
+        [(0.0, 0.62), (0.03, 0.63), (0.035, 0.68), (0.07, 0.72), (0.05, 0.77), (0.0, 0.78)],
+        (0.62, 0.12, 0),
+        plain("bakelite", (0.02, 0.02, 0.02), Roughness=0.25),
+    )
+    handle = shapes.finished(
+        shapes.ring("handle", 0.19, 0.028, (1.0, 0.12, 0.33), (math.pi / 2, 0, 0)), plain("bakelite", (0.02, 0.02, 0.02), Roughness=0.25)
+    )
     handle.scale = (0.8, 1.0, 1.0)
     cup = [(0.0, 0.0), (0.13, 0.0), (0.16, 0.04), (0.19, 0.3), (0.20, 0.31), (0.185, 0.30), (0.15, 0.06), (0.0, 0.04)]
     lathe("cup", cup, (0.32, -0.72, 0), brushed("copper", (0.86, 0.45, 0.28), 0.2))

@@ -20,7 +20,9 @@ def damask() -> object:
     stripes = shading.place(tree, "TexWave", {"Vector": at, "Scale": 1.6}, bands_direction="X")
     cells = shading.place(tree, "TexVoronoi", {"Vector": flat, "Scale": 5.0, "Randomness": 0.0}, voronoi_dimensions="2D")
     ground = shading.ramp(tree, stripes.outputs["Fac"], [(0.0, (0.42, 0.47, 0.40)), (0.5, (0.58, 0.60, 0.50))], "CONSTANT")
-    figure = shading.ramp(tree, cells.outputs["Distance"], [(0.0, (0.55, 0.30, 0.18)), (0.16, (1, 1, 1)), (0.3, (0.8, 0.8, 0.72)), (0.36, (1, 1, 1))])
+    figure = shading.ramp(
+        tree, cells.outputs["Distance"], [(0.0, (0.55, 0.30, 0.18)), (0.16, (1, 1, 1)), (0.3, (0.8, 0.8, 0.72)), (0.36, (1, 1, 1))]
+    )
     tree.links.new(shading.mixed(tree, 1.0, ground, figure, "MULTIPLY"), shader.inputs["Base Color"])
     return material
 
@@ -32,7 +34,9 @@ def rug() -> object:
     stops = [(0.0, (0.30, 0.05, 0.04)), (0.35, (0.60, 0.42, 0.22)), (0.5, (0.05, 0.10, 0.20)), (0.8, (0.55, 0.12, 0.07))]
     threads = shading.place(tree, "TexNoise", {"Vector": shading.coordinates(tree, (9, 70, 1)), "Scale": 1.5})
     worn = shading.ramp(tree, threads.outputs["Fac"], [(0.3, shading.grey(0.55)), (0.7, shading.grey(1.0))])
-    tree.links.new(shading.mixed(tree, 1.0, shading.ramp(tree, rings.outputs["Fac"], stops, "CONSTANT"), worn, "MULTIPLY"), shader.inputs["Base Color"])
+    tree.links.new(
+        shading.mixed(tree, 1.0, shading.ramp(tree, rings.outputs["Fac"], stops, "CONSTANT"), worn, "MULTIPLY"), shader.inputs["Base Color"]
+    )
     return material
 
 
@@ -40,7 +44,13 @@ def painting() -> object:
     material, tree, shader = shading.principled("painting", Roughness=0.5)
     flat = shading.place(tree, "Mapping", {"Vector": shading.coordinates(tree, (1, 1, 1)), "Rotation": (math.pi / 2, 0, 0)}).outputs[0]
     cells = shading.place(tree, "TexVoronoi", {"Vector": flat, "Scale": 7.0}, distance="MANHATTAN")
-    stops = [(0.0, (0.75, 0.55, 0.12)), (0.3, (0.10, 0.28, 0.45)), (0.5, (0.68, 0.16, 0.08)), (0.7, (0.75, 0.70, 0.58)), (0.85, (0.04, 0.06, 0.10))]
+    stops = [
+        (0.0, (0.75, 0.55, 0.12)),
+        (0.3, (0.10, 0.28, 0.45)),
+        (0.5, (0.68, 0.16, 0.08)),
+        (0.7, (0.75, 0.70, 0.58)),
+        (0.85, (0.04, 0.06, 0.10)),
+    ]
     value = shading.place(tree, "SeparateXYZ", {0: cells.outputs["Color"]}).outputs[0]
     tree.links.new(shading.ramp(tree, value, stops, "CONSTANT"), shader.inputs["Base Color"])
     return material
@@ -94,7 +104,9 @@ def shelf(r: random.Random) -> None:
         x = left + 0.05
         while level < 5 and x < right - 0.16:
             wide, high = r.uniform(0.03, 0.075), r.uniform(0.2, 0.33)
-            colour = r.choice([(0.45, 0.05, 0.04), (0.06, 0.14, 0.30), (0.07, 0.22, 0.11), (0.62, 0.52, 0.34), (0.30, 0.16, 0.07), (0.65, 0.33, 0.05)])
+            colour = r.choice(
+                [(0.45, 0.05, 0.04), (0.06, 0.14, 0.30), (0.07, 0.22, 0.11), (0.62, 0.52, 0.34), (0.30, 0.16, 0.07), (0.65, 0.33, 0.05)]
+            )
             shade = r.uniform(0.6, 1.2)
             book = plain("book", tuple(shade * c for c in colour), Roughness=0.55)
             block("book", (wide, 0.24, high), (x + wide / 2, y - 0.02, z + 0.02 + high / 2), book, 0.004)
@@ -116,7 +128,14 @@ def table() -> None:
     for number, (x, y, z) in enumerate(((0.0, 0.53, 0.5), (0.1, 0.58, 0.5), (0.07, 0.49, 0.505), (0.05, 0.55, 0.57))):
         lathe("fruit", fruit, (x, y, z), peel[number % 2])
     for number, colour in enumerate(((0.06, 0.16, 0.30), (0.55, 0.10, 0.05))):
-        block("magazine", (0.24, 0.31, 0.02), (-0.25, 0.58, 0.476 + 0.022 * number), plain("cover", colour, Roughness=0.3), 0.002, 0.2 - 0.5 * number)
+        block(
+            "magazine",
+            (0.24, 0.31, 0.02),
+            (-0.25, 0.58, 0.476 + 0.022 * number),
+            plain("cover", colour, Roughness=0.3),
+            0.002,
+            0.2 - 0.5 * number,
+        )
 
 
 def plant(r: random.Random) -> None:

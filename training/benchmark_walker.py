@@ -16,7 +16,9 @@ PELVIS = 0.98
 def tiles() -> bpy.types.Material:
     material, tree, shader = shading.principled("tiles", Roughness=0.45)
     at = shading.coordinates(tree, (1, 1, 1), 0.4)
-    checks = shading.place(tree, "TexChecker", {"Vector": at, "Scale": 2.2, "Color1": (0.62, 0.56, 0.47, 1), "Color2": (0.30, 0.20, 0.15, 1)})
+    checks = shading.place(
+        tree, "TexChecker", {"Vector": at, "Scale": 2.2, "Color1": (0.62, 0.56, 0.47, 1), "Color2": (0.30, 0.20, 0.15, 1)}
+    )
     stone = shading.place(tree, "TexNoise", {"Vector": at, "Scale": 9.0, "Detail": 4.0, "Distortion": 1.2})
     veins = shading.ramp(tree, stone.outputs["Fac"], [(0.3, shading.grey(0.62)), (0.5, shading.grey(1.0)), (0.7, shading.grey(0.75))])
     tree.links.new(shading.mixed(tree, 1.0, checks.outputs["Color"], veins, "MULTIPLY"), shader.inputs["Base Color"])
@@ -73,10 +75,18 @@ def figure() -> None:
     animate(head, "rotation_euler", lambda frame: (0.0, 0.02, -0.5 + 0.25 * progress(frame)))
     face = joined(shapes.finished(shapes.sphere("face", 0.115, (0, 0, 0)), skin), head, (0.02, 0, 0.19))
     face.scale = (1.0, 0.86, 1.18)
-    hair = joined(shapes.finished(shapes.sphere("hair", 0.12, (0, 0, 0)), speckled("hair", (0.02, 0.01, 0.006), (0.09, 0.045, 0.02), 50.0)), head, (-0.012, 0, 0.215))
+    hair = joined(
+        shapes.finished(shapes.sphere("hair", 0.12, (0, 0, 0)), speckled("hair", (0.02, 0.01, 0.006), (0.09, 0.045, 0.02), 50.0)),
+        head,
+        (-0.012, 0, 0.215),
+    )
     hair.scale = (1.0, 0.92, 1.1)
     for y in (-0.04, 0.04):
-        joined(shapes.finished(shapes.sphere("eye", 0.014, (0, 0, 0)), plain("eye", (0.02, 0.02, 0.02), Roughness=0.1)), head, (0.128, y, 0.205))
+        joined(
+            shapes.finished(shapes.sphere("eye", 0.014, (0, 0, 0)), plain("eye", (0.02, 0.02, 0.02), Roughness=0.1)),
+            head,
+            (0.128, y, 0.205),
+        )
     joined(shapes.finished(shapes.sphere("nose", 0.022, (0, 0, 0)), skin), head, (0.137, 0, 0.175))
     for side, phase in ((1, 0.0), (-1, math.pi)):
         upper = joined(limb("upper arm", 0.28, (0.062, 0.048), jumper), chest, (0, side * 0.205, 0.43))
@@ -100,7 +110,10 @@ def build() -> None:
     block("crate", (0.6, 0.6, 0.6), (1.35, 1.7, 0.3), crate, 0.02, 0.3)
     block("crate", (0.4, 0.4, 0.4), (1.25, 1.65, 0.8), crate, 0.02, -0.2)
     block("door", (1.0, 0.06, 2.1), (-1.5, 2.88, 1.05), plain("door", (0.09, 0.22, 0.20), Roughness=0.4), 0.01)
-    shapes.finished(shapes.sphere("ball", 0.19, (-1.05, 0.75, 0.19)), shading.lacquer("ball", ((0.7, 0.5, 0.05), (0.6, 0.06, 0.04), (0.8, 0.78, 0.7)), 4.0))
+    shapes.finished(
+        shapes.sphere("ball", 0.19, (-1.05, 0.75, 0.19)),
+        shading.lacquer("ball", ((0.7, 0.5, 0.05), (0.6, 0.06, 0.04), (0.8, 0.78, 0.7)), 4.0),
+    )
     figure()
     lamp("AREA", (-3.0, -1.5, 3.0), (0.1, 0.2, 0.7), 360, (1.0, 0.93, 0.82), shape="DISK", size=1.5)
     sky((0.55, 0.65, 0.8), (0.75, 0.85, 1.0), 0.2)
