@@ -1,10 +1,11 @@
 """Measures Hush and OIDN on the benchmark's shots, prints the tables of RESULTS.md, and the λ curves.
 
-    venv/bin/python benchmark.py --cache benchmark --hush ../target/release/hush
-    venv/bin/python benchmark.py --cache benchmark --hush ../target/release/hush --lambdas 1,2,4,8,16,32,64
+    venv/bin/python benchmark.py --cache benchmark --hush ../target/release/hush --update RESULTS.md
+    venv/bin/python benchmark.py --cache benchmark --hush ../target/release/hush --update RESULTS.md --lambdas 1,2,4,8,16,32,64
 
 The cache comes from benchmark_shots.py; frames without a reference are denoised, for their neighbours' sake, but not scored.
-OIDN's frames are kept in the cache, Hush's are made anew. Tables go to standard output and, with the numbers, to --out.
+OIDN's frames are kept in the cache, Hush's are made anew. Tables go to standard output and, with the numbers, to --out;
+--update writes them into a document, between its markers.
 Needs pyoidn, OpenEXR, numpy; no PyTorch.
 """
 
@@ -101,6 +102,7 @@ def main() -> None:
     parser.add_argument("--spp", nargs="+", type=int, choices=SPP, default=list(SPP))
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--lambdas", type=lambdas, help="curves over these values, window ±2, instead of the tables")
+    parser.add_argument("--update", type=Path, help="document to write the tables into, such as RESULTS.md")
     parser.add_argument("--figure", type=Path, help="SVG for the curves (OUT/lambda.svg)")
     chosen = parser.parse_args()
     out = chosen.out or chosen.cache / "results"
@@ -123,6 +125,9 @@ def main() -> None:
     (out / f"{name}.json").write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
     (out / f"{name}.md").write_text(text + "\n", encoding="utf-8")
     print(text)
+    if chosen.update:
+        document = chosen.update.read_text(encoding="utf-8")
+        chosen.update.write_text(tables.replaced(document, name, text), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@
 Four animated shots of 8 frames at 320×180, made for measuring and never trained on: nothing of them comes from the training
 shots' generator. The noisy frames are what Blender writes for an artist with Denoising Data and Vector on; the references have
 another seed and far more samples. `second` is another reference of one frame, which tells how noisy the references still are.
-Frames that are there are skipped, so it can be stopped and started again. Wants bpy 5.0.1 and numpy.
+Frames that are there are skipped, so it can be stopped and started again. Wants bpy 5.0.1, numpy, OpenEXR.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ import time
 from pathlib import Path
 
 import bpy
+from benchmark_frames import SHOTS, SPP
 from benchmark_kit import FIRST, LAST
 
-SHOTS = ("interior", "garden", "glass", "walker")
-KINDS = ("4", "32", "reference", "second")
+KINDS = (*map(str, SPP), "reference", "second")
 SECOND_FRAME = 4
 WIDTH, HEIGHT = 320, 180
 # Samples at most, noise threshold at which a pixel has enough.
-REFERENCE = (512, 0.01)
+REFERENCE = (384, 0.012)
 
 
 def folder_of(kind: str) -> str:

@@ -103,6 +103,16 @@ def monotone(values: Sequence[float | None]) -> bool:
     return all(a <= b for a, b in zip(there, there[1:], strict=False))
 
 
+def replaced(document: str, name: str, text: str) -> str:
+    """The document with what stands between its two markers of that name replaced; ValueError if they are not there."""
+    start, end = f"<!-- {name}: written by benchmark.py -->", f"<!-- end of {name} -->"
+    before, found, rest = document.partition(start)
+    _, closed, after = rest.partition(end)
+    if not found or not closed:
+        raise ValueError(f"no {start} … {end}")
+    return f"{before}{start}\n{text}\n{end}{after}"
+
+
 def report(results: Results, coverage: Mapping[str, int]) -> str:
     """Every table, under what was measured."""
     shots = list(dict.fromkeys(shot for shot, _ in results))

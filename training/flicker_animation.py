@@ -3,7 +3,8 @@
     venv/bin/python benchmark.py --cache benchmark --hush ../target/release/hush
     venv/bin/python flicker_animation.py --cache benchmark
 
-It takes the frames that benchmark.py leaves behind and plays them to and fro. Needs Pillow, OpenEXR, numpy.
+It takes the frames that benchmark.py leaves behind and plays them to and fro: an animated PNG, or a GIF with fewer colours.
+Needs Pillow, OpenEXR, numpy.
 """
 
 from __future__ import annotations
@@ -38,18 +39,25 @@ def sheet(images: dict[str, Image], box: tuple[int, int, int, int], zoom: int, e
     return made
 
 
+def reduced(sheets: list[Pictures.Image], colours: int) -> list[Pictures.Image]:
+    """All with one palette, or the colours would flicker by themselves."""
+    every = Pictures.fromarray(np.concatenate([np.asarray(s) for s in sheets]))
+    palette = every.quantize(colours, method=Pictures.Quantize.MEDIANCUT, dither=Pictures.Dither.NONE)
+    return [s.quantize(palette=palette, dither=Pictures.Dither.NONE) for s in sheets]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cache", type=Path, required=True, help="folder of benchmark_shots.py")
     parser.add_argument("--results", type=Path, help="benchmark.py's --out (CACHE/results)")
     parser.add_argument("--shot", choices=SHOTS, default="interior")
     parser.add_argument("--spp", type=int, choices=SPP, default=4)
-    parser.add_argument("--crop", type=int, nargs=4, default=[50, 20, 150, 130], metavar=("X", "Y", "WIDTH", "HEIGHT"))
+    parser.add_argument("--crop", type=int, nargs=4, default=[60, 22, 124, 108], metavar=("X", "Y", "WIDTH", "HEIGHT"))
     parser.add_argument("--zoom", type=int, default=2)
     parser.add_argument("--exposure", type=float, default=0.0, help="stops")
-    parser.add_argument("--colours", type=int, default=128, help="of the palette")
+    parser.add_argument("--colours", type=int, default=255, help="of the palette, for a .gif")
     parser.add_argument("--milliseconds", type=int, default=120, help="a frame")
-    parser.add_argument("--output", type=Path, default=ROOT / "docs" / "flicker.gif")
+    parser.add_argument("--output", type=Path, default=ROOT / "docs" / "flicker.png", help=".png or .gif")
     chosen = parser.parse_args()
     take = Take(chosen.cache, chosen.shot, chosen.spp)
     results = chosen.results or chosen.cache / "results"
@@ -62,16 +70,13 @@ def main() -> None:
     if not shared:
         raise SystemExit(f"no frame that is in all of {', '.join(map(str, folders.values()))}; run benchmark.py first")
     sheets = [sheet({name: beauty(frame(f, n)) for name, f in folders.items()}, chosen.crop, chosen.zoom, chosen.exposure) for n in shared]
-    # One palette for all, or the colours would flicker by themselves.
-    every = Pictures.fromarray(np.concatenate([np.asarray(s) for s in sheets]))
-    palette = every.quantize(chosen.colours, method=Pictures.Quantize.MEDIANCUT, dither=Pictures.Dither.NONE)
-    plain = [s.quantize(palette=palette, dither=Pictures.Dither.NONE) for s in sheets]
-    plain += plain[-2:0:-1]
+    frames = reduced(sheets, chosen.colours) if chosen.output.suffix == ".gif" else sheets
+    frames += frames[-2:0:-1]
     chosen.output.parent.mkdir(parents=True, exist_ok=True)
     aside = chosen.output.with_suffix(f".part{chosen.output.suffix}")
-    plain[0].save(aside, save_all=True, append_images=plain[1:], duration=chosen.milliseconds, loop=0, optimize=True)
+    frames[0].save(aside, save_all=True, append_images=frames[1:], duration=chosen.milliseconds, loop=0, optimize=True)
     aside.replace(chosen.output)
-    print(f"{chosen.output}: {plain[0].width}×{plain[0].height}, {len(plain)} frames, {chosen.output.stat().st_size // 1024} KB")
+    print(f"{chosen.output}: {frames[0].width}×{frames[0].height}, {len(frames)} frames, {chosen.output.stat().st_size // 1024} KB")
 
 
 if __name__ == "__main__":

@@ -85,3 +85,12 @@ def test_a_curve_that_falls_is_not_called_monotone() -> None:
     assert tables.monotone([0.1, 0.1, 0.3])
     assert not tables.monotone([0.1, 0.3, 0.29])
     assert tables.monotone([0.1, None, 0.3])
+
+
+def test_only_what_is_between_the_markers_is_replaced() -> None:
+    document = "before\n<!-- x: written by benchmark.py -->\nold\n<!-- end of x -->\nafter\n"
+    once = tables.replaced(document, "x", "new")
+    assert once == "before\n<!-- x: written by benchmark.py -->\nnew\n<!-- end of x -->\nafter\n"
+    assert tables.replaced(once, "x", "new") == once
+    with pytest.raises(ValueError, match="written by"):
+        tables.replaced("no markers", "x", "new")
