@@ -16,14 +16,13 @@ from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
+import oidn
 import pyoidn
 import torch
 from data import Shot, prepare, read_split
 from loss import smape
-from numpy.typing import NDArray
 from torch import Tensor
 
-Image = NDArray[np.float32]
 METHODS = ("noisy", "oidn_high", "oidn_clean_aux")
 
 
@@ -32,25 +31,7 @@ def rel_mse(denoised: Tensor, reference: Tensor) -> Tensor:
     return (denoised - reference) ** 2 / (reference**2 + 1e-2)
 
 
-def run_filter(device: pyoidn.Device, images: dict[str, Image], hdr: bool, clean_aux: bool) -> Image:
-    """One run of the RT filter at high quality; images by OIDN's names, (rows, columns, 3)."""
-    out = np.zeros_like(next(iter(images.values())))
-    with pyoidn.Filter(device, pyoidn.OIDN_FILTER_TYPE_RT) as f:
-        for name, image in images.items():
-            f.set_image(name, image, pyoidn.OIDN_FORMAT_FLOAT3)
-        f.set_image(pyoidn.OIDN_IMAGE_OUTPUT, out, pyoidn.OIDN_FORMAT_FLOAT3)
-        f.set_bool("hdr", hdr)
-        f.set_bool("cleanAux", clean_aux)
-        f.set_quality(pyoidn.OIDN_QUALITY_HIGH)
-        f.commit()
-        f.execute()
-        problem = device.get_error()
-    if problem is not None:
-        raise SystemExit(f"OIDN failed: {problem}")
-    return out
-
-
-def interleaved(planes: Tensor) -> Image:
+def interleaved(planes: Tensor) -> oidn.Image:
     """(3, H, W) as (H, W, 3), which OIDN takes."""
     return np.ascontiguousarray(planes.permute(1, 2, 0).numpy(), dtype=np.float32)
 
@@ -60,10 +41,8 @@ def denoised(device: pyoidn.Device, shot: Shot) -> dict[str, Tensor]:
     colour = interleaved(shot.colour[shot.centre].clamp_min(0))
     albedo = interleaved(shot.albedo[shot.centre].clamp(0, 1))
     normal = interleaved(shot.normal[shot.centre])
-    high = run_filter(device, {"color": colour, "albedo": albedo, "normal": normal}, True, False)
-    clean_albedo = run_filter(device, {"albedo": albedo}, False, False)
-    clean_normal = run_filter(device, {"normal": normal}, False, False)
-    clean = run_filter(device, {"color": colour, "albedo": clean_albedo, "normal": clean_normal}, True, True)
+    high = oidn.high(device, colour, albedo, normal)
+    clean = oidn.clean_aux(device, colour, albedo, normal)
     return {name: torch.from_numpy(x).permute(2, 0, 1) for name, x in zip(METHODS, (colour, high, clean), strict=True)}
 
 
@@ -77,10 +56,7 @@ def main() -> None:
     if not held:
         raise SystemExit(f"{a.shots}: no shot whose seed is divisible by 8")
     scores: list[dict[str, dict[str, float]]] = []
-    with pyoidn.Device() as device:
-        device.set_int("numThreads", a.threads)
-        device.set_bool("setAffinity", False)
-        device.commit()
+    with oidn.device(a.threads) as device:
         for shot in held:
             target = prepare(shot, ())
             reference = target["reference"] * target["gain"]

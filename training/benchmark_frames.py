@@ -1,0 +1,88 @@
+"""The benchmark's frames: where they lie in the cache, and their passes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+from numpy.typing import NDArray
+
+Image = NDArray[np.float32]
+SHOTS = ("interior", "garden", "glass", "walker")
+SPP = (4, 32)
+
+
+@dataclass(frozen=True)
+class Take:
+    """One shot at one number of samples."""
+
+    cache: Path
+    shot: str
+    spp: int
+
+    @property
+    def noisy(self) -> Path:
+        return self.cache / self.shot / f"{self.spp}spp"
+
+    @property
+    def reference(self) -> Path:
+        return self.cache / self.shot / "reference"
+
+    @property
+    def second(self) -> Path:
+        """Another reference of one frame, to tell the reference's own noise."""
+        return self.cache / self.shot / "second"
+
+
+def numbers(folder: Path) -> list[int]:
+    """The frames that a folder has."""
+    return sorted(int(path.stem.rsplit("_", 1)[1]) for path in folder.glob("frame_*.exr"))
+
+
+def frame(folder: Path, number: int) -> Path:
+    return folder / f"frame_{number:04d}.exr"
+
+
+def takes(cache: Path, shots: Sequence[str], spp: Sequence[int]) -> list[Take]:
+    """What can be measured; whatever has no reference yet, or too few noisy frames, is left out and said so."""
+    found = []
+    for shot in shots:
+        for samples in spp:
+            take = Take(cache, shot, samples)
+            noisy, clean = numbers(take.noisy), numbers(take.reference)
+            missing = sorted(set(clean) - set(noisy))
+            if clean and not missing:
+                found.append(take)
+            else:
+                print(f"{shot} at {samples} spp left out: {f'no noisy frame {missing[0]}' if missing else 'no reference'}", flush=True)
+    return found
+
+
+def passes(path: Path, wanted: dict[str, str]) -> dict[str, Image]:
+    """Passes by name, with their components in that order, (rows, columns, components), float32."""
+    planes = {}
+    for part in OpenEXR.File(str(path), separate_channels=True).parts:
+        for name, channel in part.channels.items():
+            layer, _, component = name.rpartition(".")
+            planes[layer.rpartition(".")[2], component] = channel.pixels
+    missing = next((name for name in wanted if (name, wanted[name][0]) not in planes), None)
+    if missing:
+        raise SystemExit(f"{path}: no pass {missing}")
+    return {name: np.stack([planes[name, c] for c in parts], -1).astype(np.float32) for name, parts in wanted.items()}
+
+
+def beauty(path: Path) -> Image:
+    return passes(path, {"Combined": "RGB"})["Combined"]
+
+
+def write_beauty(path: Path, image: Image) -> None:
+    """A file with the beauty alone, named as Blender does; written aside and moved into place."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    channels = {f"ViewLayer.Combined.{c}": np.ascontiguousarray(image[..., i], dtype=np.float32) for i, c in enumerate("RGB")}
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    aside = path.with_suffix(".part")
+    OpenEXR.File([OpenEXR.Part(header, channels, "ViewLayer.Combined")]).write(str(aside))
+    aside.replace(path)

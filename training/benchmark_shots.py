@@ -1,0 +1,114 @@
+"""Renders the benchmark's shots from nothing into a cache: CACHE/SHOT/{4spp,32spp,reference,second}/frame_0001.exr …
+
+    bpy-venv/bin/python benchmark_shots.py --cache benchmark
+
+Four animated shots of 8 frames at 320×180, made for measuring and never trained on: nothing of them comes from the training
+shots' generator. The noisy frames are what Blender writes for an artist with Denoising Data and Vector on; the references have
+another seed and far more samples. `second` is another reference of one frame, which tells how noisy the references still are.
+Frames that are there are skipped, so it can be stopped and started again. Wants bpy 5.0.1, numpy, OpenEXR.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import tempfile
+import time
+from pathlib import Path
+
+import bpy
+from benchmark_frames import SHOTS, SPP
+from benchmark_kit import FIRST, LAST
+
+KINDS = (*map(str, SPP), "reference", "second")
+SECOND_FRAME = 4
+WIDTH, HEIGHT = 320, 180
+# Samples at most, noise threshold at which a pixel has enough.
+REFERENCE = (384, 0.012)
+
+
+def folder_of(kind: str) -> str:
+    """The folder of a kind of frames: a number of samples, or a reference."""
+    return f"{kind}spp" if kind.isdecimal() else kind
+
+
+def build(shot: str) -> bpy.types.Scene:
+    """The shot in an empty file, with what noisy frames and references share: clamping too, or their means would differ."""
+    bpy.ops.wm.read_homefile(use_empty=True)
+    scene = bpy.context.scene
+    importlib.import_module(f"benchmark_{shot}").build()
+    render, cycles = scene.render, scene.cycles
+    render.engine = "CYCLES"
+    render.resolution_x, render.resolution_y, render.resolution_percentage = WIDTH, HEIGHT, 100
+    render.use_motion_blur = False
+    render.use_persistent_data = True
+    cycles.device = "CPU"
+    cycles.use_denoising = False
+    cycles.max_bounces, cycles.diffuse_bounces, cycles.glossy_bounces, cycles.transmission_bounces = 8, 2, 3, 8
+    cycles.sample_clamp_indirect = 10.0
+    cycles.caustics_reflective = cycles.caustics_refractive = False
+    cycles.use_light_tree = False  # dearer a sample, and there are few lamps
+    cycles.use_animated_seed = True  # or every frame carries the same noise
+    settings = render.image_settings
+    settings.media_type = "MULTI_LAYER_IMAGE"  # first: it resets the rest
+    settings.file_format, settings.color_depth, settings.exr_codec = "OPEN_EXR_MULTILAYER", "16", "ZIP"
+    scene.frame_start, scene.frame_end = FIRST, LAST
+    return scene
+
+
+def prepare(scene: bpy.types.Scene, kind: str) -> None:
+    """Samples, seed and passes of a kind of frames."""
+    cycles, layer = scene.cycles, scene.view_layers[0]
+    noisy = kind.isdecimal()
+    if noisy:
+        cycles.samples, cycles.seed, cycles.use_adaptive_sampling = int(kind), int(kind), False
+    else:
+        cycles.samples, cycles.adaptive_threshold = REFERENCE
+        cycles.seed, cycles.use_adaptive_sampling, cycles.adaptive_min_samples = 70001 + KINDS.index(kind), True, 64
+    layer.cycles.denoising_store_passes = noisy
+    layer.use_pass_vector = noisy
+    layer.use_pass_z = False
+
+
+def render(scene: bpy.types.Scene, frame: int, target: Path, scratch: Path) -> float:
+    """One frame, written aside and moved into place; seconds it took."""
+    began = time.perf_counter()
+    scene.frame_set(frame)
+    scene.update_tag()  # a new seed alone does not reach persistent data
+    aside = scratch / target.name
+    scene.render.filepath = str(aside)
+    bpy.ops.render.render(write_still=True)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    aside.replace(target)
+    return time.perf_counter() - began
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cache", type=Path, required=True, help="folder for the shots")
+    parser.add_argument("--shots", nargs="+", choices=SHOTS, default=list(SHOTS))
+    parser.add_argument("--spp", nargs="+", choices=KINDS, default=list(KINDS), help="samples of noisy frames, reference, or second")
+    parser.add_argument("--frames", type=int, nargs="+", default=list(range(FIRST, LAST + 1)))
+    parser.add_argument("--threads", type=int, default=0, help="threads for Cycles; 0: all")
+    chosen = parser.parse_args()
+    cache = chosen.cache.resolve()
+    cache.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=cache, prefix=".rendering-") as scratch:
+        for shot in chosen.shots:
+            scene = None
+            for kind in chosen.spp:
+                frames = [SECOND_FRAME] if kind == "second" else chosen.frames
+                wanted = {frame: cache / shot / folder_of(kind) / f"frame_{frame:04d}.exr" for frame in frames}
+                for frame, target in wanted.items():
+                    if target.exists():
+                        continue
+                    scene = scene or build(shot)
+                    if chosen.threads:
+                        scene.render.threads_mode, scene.render.threads = "FIXED", chosen.threads
+                    prepare(scene, kind)
+                    seconds = render(scene, frame, target, Path(scratch))
+                    print(f"{shot} {folder_of(kind)} frame {frame}: {seconds:.1f} s", flush=True)
+
+
+if __name__ == "__main__":
+    main()
