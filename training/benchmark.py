@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -76,13 +77,15 @@ def measure(take: Take, hush: Hush, device: Any, out: Path) -> dict[str, dict[st
 
 
 def reference_noise(measured: list[Take], hush: Hush) -> str:
-    """How far two references of the same frame are from each other."""
+    """How far two passes of the references are from each other, and how far, if noise is all, their mean is from the truth."""
     rows = []
     for take in {take.shot: take for take in measured}.values():
-        if numbers(take.second):
-            found = hush.scores(take, take.reference, take.second)
-            rows.append([take.shot, *(tables.number(found[metric]) for metric in ("smape", "relmse", "flip"))])
-    return tables.table(["one reference against another", "SMAPE", "relMSE", "FLIP"], rows) if rows else ""
+        if len(take.passes) > 1:
+            count = min(sum(frame(folder, n).exists() for folder in take.passes) for n in numbers(take.reference))
+            smape = hush.scores(take, take.passes[0], take.passes[1])["smape"] or 0.0
+            rows.append([take.shot, tables.number(smape), str(count), tables.number(smape / math.sqrt(2 * count))])
+    titles = ["SMAPE of the references' own noise", "a pass against another", "passes", "the mean of all, estimated"]
+    return tables.table(titles, rows) if rows else ""
 
 
 def lambdas(text: str) -> list[float]:

@@ -32,9 +32,17 @@ class Take:
         return self.cache / self.shot / "reference"
 
     @property
-    def second(self) -> Path:
-        """Another reference of one frame, to tell the reference's own noise."""
-        return self.cache / self.shot / "second"
+    def passes(self) -> list[Path]:
+        """The folders of the reference's passes."""
+        return sorted((self.cache / self.shot).glob("pass[0-9]*"), key=lambda folder: int(folder.name.removeprefix("pass")))
+
+    def average(self) -> None:
+        """Writes the reference's frames: the means of the passes that have them."""
+        for number in sorted({n for folder in self.passes for n in numbers(folder)}):
+            sources = [path for folder in self.passes if (path := frame(folder, number)).exists()]
+            target = frame(self.reference, number)
+            if not target.exists() or target.stat().st_mtime < max(path.stat().st_mtime for path in sources):
+                write_beauty(target, np.mean([beauty(path) for path in sources], 0))
 
 
 def numbers(folder: Path) -> list[int]:
@@ -52,6 +60,7 @@ def takes(cache: Path, shots: Sequence[str], spp: Sequence[int]) -> list[Take]:
     for shot in shots:
         for samples in spp:
             take = Take(cache, shot, samples)
+            take.average()
             noisy, clean = numbers(take.noisy), numbers(take.reference)
             missing = sorted(set(clean) - set(noisy))
             if clean and not missing:

@@ -1,11 +1,11 @@
-"""Renders the benchmark's shots from nothing into a cache: CACHE/SHOT/{4spp,32spp,reference,second}/frame_0001.exr …
+"""Renders the benchmark's shots from nothing into a cache: CACHE/SHOT/{4spp,32spp,pass1,pass2…}/frame_0001.exr …
 
     bpy-venv/bin/python benchmark_shots.py --cache benchmark
 
 Four animated shots of 8 frames at 320×180, made for measuring and never trained on: nothing of them comes from the training
 shots' generator. The noisy frames are what Blender writes for an artist with Denoising Data and Vector on; the references have
-another seed and far more samples. `second` is another reference of one frame, which tells how noisy the references still are.
-Frames that are there are skipped, so it can be stopped and started again. Wants bpy 5.0.1, numpy, OpenEXR.
+another seed and far more samples, in passes with seeds of their own: benchmark.py takes their mean, and tells from their difference
+how noisy it still is. Frames that are there are skipped, so it can be stopped and started again. Wants bpy 5.0.1, numpy, OpenEXR.
 """
 
 from __future__ import annotations
@@ -20,16 +20,15 @@ import bpy
 from benchmark_frames import SHOTS, SPP
 from benchmark_kit import FIRST, LAST
 
-KINDS = (*map(str, SPP), "reference", "second")
-SECOND_FRAME = 4
+KINDS = (*map(str, SPP), "reference")
 WIDTH, HEIGHT = 320, 180
-# Samples at most, noise threshold at which a pixel has enough.
+# Of a pass: samples at most, noise threshold at which a pixel has enough.
 REFERENCE = (384, 0.012)
 
 
-def folder_of(kind: str) -> str:
-    """The folder of a kind of frames: a number of samples, or a reference."""
-    return f"{kind}spp" if kind.isdecimal() else kind
+def folders(kinds: list[str], passes: int) -> list[str]:
+    """The folders of the kinds of frames: numbers of samples, and the reference's passes."""
+    return [f"{kind}spp" for kind in kinds if kind.isdecimal()] + [f"pass{k + 1}" for k in range(passes) if "reference" in kinds]
 
 
 def build(shot: str) -> bpy.types.Scene:
@@ -56,15 +55,16 @@ def build(shot: str) -> bpy.types.Scene:
     return scene
 
 
-def prepare(scene: bpy.types.Scene, kind: str) -> None:
-    """Samples, seed and passes of a kind of frames."""
+def prepare(scene: bpy.types.Scene, folder: str) -> None:
+    """Samples, seed and passes of the frames of a folder."""
     cycles, layer = scene.cycles, scene.view_layers[0]
-    noisy = kind.isdecimal()
+    noisy = folder.endswith("spp")
     if noisy:
-        cycles.samples, cycles.seed, cycles.use_adaptive_sampling = int(kind), int(kind), False
+        samples = int(folder.removesuffix("spp"))
+        cycles.samples, cycles.seed, cycles.use_adaptive_sampling = samples, samples, False
     else:
         cycles.samples, cycles.adaptive_threshold = REFERENCE
-        cycles.seed, cycles.use_adaptive_sampling, cycles.adaptive_min_samples = 70001 + KINDS.index(kind), True, 64
+        cycles.seed, cycles.use_adaptive_sampling, cycles.adaptive_min_samples = 70002 + 1000 * int(folder.removeprefix("pass")), True, 64
     layer.cycles.denoising_store_passes = noisy
     layer.use_pass_vector = noisy
     layer.use_pass_z = False
@@ -87,7 +87,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cache", type=Path, required=True, help="folder for the shots")
     parser.add_argument("--shots", nargs="+", choices=SHOTS, default=list(SHOTS))
-    parser.add_argument("--spp", nargs="+", choices=KINDS, default=list(KINDS), help="samples of noisy frames, reference, or second")
+    parser.add_argument("--spp", nargs="+", choices=KINDS, default=list(KINDS), help="samples of noisy frames, or reference")
+    parser.add_argument("--passes", type=int, default=4, help="of the references")
     parser.add_argument("--frames", type=int, nargs="+", default=list(range(FIRST, LAST + 1)))
     parser.add_argument("--threads", type=int, default=0, help="threads for Cycles; 0: all")
     chosen = parser.parse_args()
@@ -96,18 +97,17 @@ def main() -> None:
     with tempfile.TemporaryDirectory(dir=cache, prefix=".rendering-") as scratch:
         for shot in chosen.shots:
             scene = None
-            for kind in chosen.spp:
-                frames = [SECOND_FRAME] if kind == "second" else chosen.frames
-                wanted = {frame: cache / shot / folder_of(kind) / f"frame_{frame:04d}.exr" for frame in frames}
+            for folder in folders(chosen.spp, chosen.passes):
+                wanted = {frame: cache / shot / folder / f"frame_{frame:04d}.exr" for frame in chosen.frames}
                 for frame, target in wanted.items():
                     if target.exists():
                         continue
                     scene = scene or build(shot)
                     if chosen.threads:
                         scene.render.threads_mode, scene.render.threads = "FIXED", chosen.threads
-                    prepare(scene, kind)
+                    prepare(scene, folder)
                     seconds = render(scene, frame, target, Path(scratch))
-                    print(f"{shot} {folder_of(kind)} frame {frame}: {seconds:.1f} s", flush=True)
+                    print(f"{shot} {folder} frame {frame}: {seconds:.1f} s", flush=True)
 
 
 if __name__ == "__main__":

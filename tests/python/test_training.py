@@ -68,13 +68,15 @@ def test_further_encoders_have_the_first_ones_tensors_and_their_own_record(heade
 
 def test_the_tensors_have_the_shapes_that_the_architecture_says(header: dict[str, Any], record: dict[str, Any]) -> None:
     a, found = record["architecture"], tensors(header)
-    assert (a["version"], a["levels"]) == (1, 3)
+    assert (a["version"], a["levels"]) == (1, 4)
     shape = lambda name: found[f"{name}.weight"]["shape"]
     centre, near, coarse = a["centre_taps"] ** 2, a["neighbour_taps"] ** 2, a["coarse_taps"] ** 2
     assert shape("encoder.first") == [a["features"], 40, 3, 3]
     assert shape("to_quarter") == [a["quarter"], a["half"], 3, 3]
     assert shape("to_eighth") == [a["eighth"], a["quarter"], 3, 3]
     assert shape("head_half") == [4 * (centre + coarse + a["albedo_taps"] ** 2) + centre + coarse, a["half"], 1, 1]
+    assert shape("head_quarter") == [centre + coarse, a["quarter"], 1, 1]
+    assert shape("head_eighth") == [centre, a["eighth"], 1, 1]
     assert shape("pair_half_head") == [4 * (near + 1) + near, a["pair"], 1, 1]
     assert shape("lambda_half.scale") == [a["half"], a["lambda_hidden"]]
     for level in ("half", "quarter", "eighth"):
