@@ -97,7 +97,19 @@ fn with_references_the_errors_are_those_of_eval() {
     let (report, page) = read_report(&shot, "report");
     assert_eq!((&report["basis"], &report["frames"]), (&"reference".into(), &serde_json::json!([1, 2, 3])));
     let rows = report["rows_by_setting"].as_array().unwrap();
-    let settings = ["noisy", "window 2", "window 0", "window 1", "window 3", "2 levels", "1 level", "no skipping", "λ 4", "λ 16"];
+    let settings = [
+        "noisy",
+        "window 2",
+        "window 0",
+        "window 1",
+        "window 3",
+        "3 levels",
+        "2 levels",
+        "1 level",
+        "no skipping",
+        "λ 4",
+        "λ 16",
+    ];
     assert_eq!(rows.iter().map(|r| r["name"].as_str().unwrap()).collect::<Vec<_>>(), settings);
     assert!(rows[0]["seconds"].is_null());
     for row in &rows[1..] {
@@ -280,7 +292,7 @@ fn estimate_on_the_sample_shot() {
     let engine = Engine::new(Settings::default()).unwrap();
     let measured = measure(&scope, &engine, &options, &|_, _| (), &CancelToken::new()).unwrap();
     let checks = &measured.report.checks;
-    assert_eq!(checks.len(), 8, "all but the noisy picture and window 3, which the shot is too short for");
+    assert_eq!(checks.len(), 9, "all but the noisy picture and window 3, which the shot is too short for");
     let truth = |i: usize| checks[i].measured - checks[i].reference_noise.unwrap();
     for (i, check) in checks.iter().enumerate() {
         let off = check.estimated - truth(i);

@@ -104,6 +104,7 @@ mod tests {
             "window 0",
             "window 1",
             "window 3",
+            "3 levels",
             "2 levels",
             "1 level",
             "no skipping",

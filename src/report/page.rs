@@ -16,7 +16,7 @@ use super::statistics::Spread;
 pub const MARK: &str = "<meta name=\"generator\" content=\"hush report\">";
 /// What the estimate was found to be worth where the truth was known better; `estimate_on_the_sample_shot` in `tests/report.rs`
 /// measures it again.
-const SAMPLE_CHECK: &str = "On Hush's sample shot (8 frames, 12 samples a pixel), where references exist, the estimates of eight settings and OIDN \
+const SAMPLE_CHECK: &str = "On Hush's sample shot (8 frames, 12 samples a pixel), where references exist, the estimates of nine settings and OIDN \
     were between 0.0019 too low and 0.0007 too high once the references' own noise was taken off, at true errors from 0.003 to 0.015.";
 
 /// The whole page.
@@ -254,7 +254,7 @@ fn method(report: &Report) -> String {
         "<p>Every frame was denoised with every setting, {} in turn and in changing order, so that what else the machine did met all \
          of them. A setting's time is that of encoding the frame once and denoising it, in memory; reading and writing files overlap with \
          it in a run and are not in it. {own} Each setting differs from the default in what its name says: <em>window</em>, frames on each \
-         side; <em>levels</em>, of the kernels' pyramid, 3 by default; <em>no skipping</em>, nothing left out; <em>λ</em>, the dial, 1 by \
+         side; <em>levels</em>, of the kernels' pyramid, 4 by default; <em>no skipping</em>, nothing left out; <em>λ</em>, the dial, 1 by \
          default.</p>\n{peer}",
         if report.repeats == 1 { "once,".into() } else { format!("{} times", report.repeats) }
     )
