@@ -119,11 +119,16 @@ def figure(points: Sequence[Point]) -> str:
     for lam in sorted({p.lam for p in points}):
         parts.append(f'<text x="{x(lam):.1f}" y="{top + high + 18}" text-anchor="middle">{lam:g}</text>')
     parts.append(f'<text x="{left + wide / 2}" y="{top + high + 38}" text-anchor="middle">λ</text>')
+    labels: list[tuple[float, str, str]] = []
     for order, spp in enumerate(sorted({p.spp for p in points})):
         line = [p for p in points if p.spp == spp]
         dash = ' stroke-dasharray="6 4"' if order else ""
         for name, (colour, title) in colours.items():
             path = " ".join(f"{x(p.lam):.1f},{y(getattr(p, name)):.1f}" for p in line)
             parts.append(f'<polyline points="{path}" fill="none" stroke="{colour}" stroke-width="2"{dash}/>')
-            parts.append(f'<text x="{left + wide + 6}" y="{y(getattr(line[-1], name)) + 4:.1f}" fill="{colour}">{title}, {spp} spp</text>')
+            labels.append((y(getattr(line[-1], name)) + 4, colour, f"{title}, {spp} spp"))
+    below = 0.0
+    for wanted, colour, text in sorted(labels):
+        below = max(wanted, below + 14)  # names may not cover each other
+        parts.append(f'<text x="{left + wide + 6}" y="{below:.1f}" fill="{colour}">{text}</text>')
     return "\n".join([*parts, "</svg>"]) + "\n"
