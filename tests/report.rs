@@ -125,7 +125,7 @@ fn with_references_the_errors_are_those_of_eval() {
     for remark in ["Frames 4 have no reference", "OIDN was not measured"] {
         assert!(page.contains(remark), "{remark}");
     }
-    assert!(page.contains("worst") && page.matches("<figure>").count() == 22, "two tiles of ten settings and the reference");
+    assert!(page.contains("worst") && page.matches("<figure>").count() == 24, "two tiles of eleven settings and the reference");
     let done = hush(&shot, &["denoise", "shot", "--output", "out", "--frames", "1-3", "--quiet"]);
     assert!(done.status.success());
     let expected = evaluate(&shot.dir.path().join("ref"), &shot.out(), &EvaluateOptions::default()).unwrap().mean.unwrap();
@@ -136,7 +136,7 @@ fn with_references_the_errors_are_those_of_eval() {
     }
     let csv = fs::read_to_string(shot.dir.path().join("report/settings.csv")).unwrap();
     let fields: BTreeSet<usize> = csv.lines().map(|line| line.split(',').count()).collect();
-    assert_eq!((csv.lines().count(), fields.len()), (11, 1));
+    assert_eq!((csv.lines().count(), fields.len()), (12, 1));
     let csv = fs::read_to_string(shot.dir.path().join("report/frames.csv")).unwrap();
     assert_eq!(csv.lines().count(), 31);
     let again = hush(&shot, &["report", "shot", "-r", "ref", "-o", "report", "--repeats", "1", "--frames", "2", "--quiet"]);

@@ -114,7 +114,7 @@ mod tests {
         ];
         assert_eq!(names, expected);
         assert_eq!(all.iter().filter(|c| c.default).count(), 1);
-        assert!(all[1].default && all[4].window() == 3 && all[7].skip() == Skip::NONE);
+        assert!(all[1].default && all[4].window() == 3 && all[8].skip() == Skip::NONE);
     }
 
     #[test]

@@ -5,8 +5,8 @@ use super::row::{Row, Worst};
 use super::suite::Suite;
 use crate::Result;
 
-/// Pixels around it that its light may reach: kernels end after 17.
-const NEAR: usize = 20;
+/// Pixels around it that its light may reach: kernels end after 37.
+const NEAR: usize = 40;
 /// The rest may change by this share of the noise that is taken out.
 const SHARE: f64 = 0.05;
 
