@@ -138,7 +138,7 @@ fn with_references_the_errors_are_those_of_eval() {
     let fields: BTreeSet<usize> = csv.lines().map(|line| line.split(',').count()).collect();
     assert_eq!((csv.lines().count(), fields.len()), (12, 1));
     let csv = fs::read_to_string(shot.dir.path().join("report/frames.csv")).unwrap();
-    assert_eq!(csv.lines().count(), 31);
+    assert_eq!(csv.lines().count(), 34);
     let again = hush(&shot, &["report", "shot", "-r", "ref", "-o", "report", "--repeats", "1", "--frames", "2", "--quiet"]);
     assert!(again.status.success() && again.stdout.is_empty() && again.stderr.is_empty(), "{}", text(&again.stderr));
     assert_eq!(read_report(&shot, "report").0["frames"], serde_json::json!([2]), "a report of ours is replaced");
