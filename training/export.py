@@ -13,7 +13,7 @@ import torch
 from data import OFFSETS, is_held, read_shot, shot_paths
 from model import Architecture, Hush
 from safetensors.torch import save_file
-from train import validate
+from train import averaged, validate
 
 
 def main() -> None:
@@ -26,8 +26,7 @@ def main() -> None:
     torch.set_num_threads(a.threads)
     state = torch.load(a.checkpoint, weights_only=True, map_location="cpu")
     net = Hush(Architecture())
-    tensors = {k.removeprefix("module."): v for k, v in state["mean"].items() if k.startswith("module.")}
-    tensors = {k: v.to(torch.float16).contiguous() for k, v in tensors.items()}
+    tensors = {k: v.to(torch.float16).contiguous() for k, v in averaged(a.checkpoint).items()}
     net.load_state_dict({k: v.float() for k, v in tensors.items()})
     net.eval()
     held = [read_shot(path) for path in shot_paths(a.shots) if is_held(path)]

@@ -15,9 +15,10 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 import torch
+from benchmark_frames import beauty
 from data import Shot, read_split
 from loss import smape
-from peers import rel_mse
+from peers import rel_mse, table
 from torch import Tensor
 
 WINDOWS = (0, 1, 2)
@@ -38,15 +39,6 @@ def write_frame(shot: Shot, index: int, path: Path) -> None:
         header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
         parts.append(OpenEXR.Part(header, channels, f"ViewLayer.{name}"))
     OpenEXR.File(parts).write(str(path))
-
-
-def read_beauty(path: Path) -> Tensor:
-    """The Combined pass, (3, H, W)."""
-    for part in OpenEXR.File(str(path), separate_channels=True).parts:
-        found = {name.rsplit(".", 1)[1]: c.pixels for name, c in part.channels.items() if ".Combined." in name}
-        if found:
-            return torch.from_numpy(np.stack([found[c] for c in "RGB"]).astype(np.float32))
-    raise SystemExit(f"{path}: no Combined")
 
 
 def main() -> None:
@@ -74,11 +66,8 @@ def main() -> None:
                 options = ["--window", str(window), "--frames", str(shot.centre), "--lambda", str(a.lam)]
                 options += ["--renderer", a.renderer, "--quiet"]
                 subprocess.run([a.hush, "denoise", folder, "--output", out, *options], check=True)
-                scores[f"window {window}"].append(score(read_beauty(out / f"frame_{shot.centre:04d}.exr")))
-    print(f"| {len(held)} shots | SMAPE | relMSE |\n|---|---|---|")
-    for name, values in scores.items():
-        mean = np.mean(values, 0)
-        print(f"| {name} | {mean[0]:.4f} | {mean[1]:.4f} |")
+                scores[f"window {window}"].append(score(torch.from_numpy(beauty(out / f"frame_{shot.centre:04d}.exr")).permute(2, 0, 1)))
+    print(table(scores))
 
 
 if __name__ == "__main__":

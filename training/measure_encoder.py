@@ -10,12 +10,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-import numpy as np
-import pyoidn
+import oidn
 import torch
 from data import OFFSETS, prepare, read_split
 from loss import smape
-from peers import denoised, rel_mse
+from peers import denoised, rel_mse, table
 from torch import Tensor
 from train import collate
 from train_encoder import WeightsFile
@@ -34,10 +33,7 @@ def main() -> None:
     _, held = read_split(a.shots)
     file = WeightsFile.read(a.weights)
     scores: dict[str, list[tuple[float, float]]] = {}
-    with pyoidn.Device() as device:
-        device.set_int("numThreads", a.threads)
-        device.set_bool("setAffinity", False)
-        device.commit()
+    with oidn.device(a.threads) as device:
         nets = {name: file.network(name) for name in file.renderers()}
         for shot in held:
             images: dict[str, Tensor] = {OIDN[name]: image for name, image in denoised(device, shot).items()}
@@ -50,10 +46,7 @@ def main() -> None:
             for name, image in images.items():
                 scaled = image * target["gain"]
                 scores.setdefault(name, []).append((float(smape(scaled, reference).mean()), float(rel_mse(scaled, reference).mean())))
-    print(f"| {len(held)} shots | SMAPE | relMSE |\n|---|---|---|")
-    for name, values in scores.items():
-        mean = np.mean(values, 0)
-        print(f"| {name} | {mean[0]:.4f} | {mean[1]:.4f} |")
+    print(table(scores))
 
 
 if __name__ == "__main__":

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import gc
-import json
 import math
 import random
 import tempfile
@@ -25,6 +24,7 @@ import mitsuba as mi
 import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
+from shot_file import save
 
 if TYPE_CHECKING:
     from mitsuba_scenes import World
@@ -129,14 +129,6 @@ def dull(probe: dict[str, Array]) -> str:
     return f"only {covered:.2f} covered" if covered < 0.25 else ""
 
 
-def half(a: Array) -> NDArray[np.float16]:
-    return np.clip(np.nan_to_num(a, posinf=65000, neginf=-65000), -65000, 65000).astype(np.float16)
-
-
-def unit(a: Array) -> NDArray[np.uint8]:
-    return np.round(np.clip(a, 0, 1) * 255).astype(np.uint8)
-
-
 def write_exr(path: Path, passes: dict[str, Array]) -> None:
     """One part, the beauty plain and the AOVs by their names, as Mitsuba's `hdrfilm` writes them; `vector` is ours."""
     channels = {}
@@ -170,21 +162,8 @@ def shot(seed: int, size: int, target: Path, frames: Path | None) -> str:
             if frame == 0:
                 middle = reference(scene, r, MOST if seed % 8 else MOST_HELD)
     assert miss < 0.05, f"{seed}: the camera model is {miss} pixels off"
-    stacked = {name: np.stack([frame[name] for frame in noisy]) for name in CHANNELS}
-    aside = target.with_suffix(".part.npz")
     meta = {"seed": seed, "kind": world.kind, "motion": world.motion, "spp": samples, "adaptive": 0.0, "renderer": "mitsuba"}
-    np.savez_compressed(
-        aside,
-        color=half(stacked["color"]),
-        albedo=unit(stacked["albedo"]),
-        normal=np.round(np.clip(stacked["normal"], -1, 1) * 127).astype(np.int8),
-        depth=half(stacked["depth"][..., 0]),
-        vector=half(stacked["vector"]),
-        ref=half(middle["color"]),
-        ref_albedo=unit(middle["albedo"]),
-        meta=json.dumps(meta),
-    )
-    aside.replace(target)
+    save(target, noisy, middle, meta)
     if frames:
         frames.mkdir(parents=True, exist_ok=True)
         (frames / "hush.toml").write_text(SETTINGS)

@@ -31,6 +31,13 @@ def rel_mse(denoised: Tensor, reference: Tensor) -> Tensor:
     return (denoised - reference) ** 2 / (reference**2 + 1e-2)
 
 
+def table(scores: dict[str, list[tuple[float, float]]]) -> str:
+    """Markdown: the mean SMAPE and relMSE of each method over the shots."""
+    rows = [f"| {len(next(iter(scores.values())))} shots | SMAPE | relMSE |", "|---|---|---|"]
+    means = {name: np.mean(values, 0) for name, values in scores.items()}
+    return "\n".join([*rows, *(f"| {name} | {mean[0]:.4f} | {mean[1]:.4f} |" for name, mean in means.items())])
+
+
 def interleaved(planes: Tensor) -> oidn.Image:
     """(3, H, W) as (H, W, 3), which OIDN takes."""
     return np.ascontiguousarray(planes.permute(1, 2, 0).numpy(), dtype=np.float32)

@@ -10,7 +10,6 @@ a seed then gives another shot. Seeds divisible by 8 are the validation split. W
 from __future__ import annotations
 
 import argparse
-import json
 import random
 import sys
 import tempfile
@@ -23,13 +22,13 @@ import numpy as np
 import OpenEXR
 import scenes
 from shot_assets import Assets, found
+from shot_file import Passes, save
 
 FRAMES = 7
 LAYERS = {"color": ("Combined", "RGB"), "albedo": ("Denoising Albedo", "RGB"), "normal": ("Denoising Normal", "XYZ")} | {
     "depth": ("Denoising Depth", "Z"),
     "vector": ("Vector", "XYZW"),
 }
-Passes = dict[str, np.ndarray]
 
 
 def read(path: Path) -> Passes:
@@ -68,14 +67,6 @@ def dull(probe: Passes) -> str:
     return f"only {covered:.2f} covered" if covered < 0.25 else ""
 
 
-def half(a: np.ndarray) -> np.ndarray:
-    return np.clip(np.nan_to_num(a, posinf=65000, neginf=-65000), -65000, 65000).astype(np.float16)
-
-
-def unit(a: np.ndarray) -> np.ndarray:
-    return np.round(np.clip(a, 0, 1) * 255).astype(np.uint8)
-
-
 @dataclass(frozen=True)
 class Reference:
     """How long a reference is rendered: samples a pixel at most, noise threshold of adaptive sampling, seconds at most."""
@@ -105,21 +96,8 @@ def shot(seed: int, size: int, threads: int, clean: Reference, scratch: Path, as
         render(scratch, scenes.MIDDLE + k, clean.samples, r.randrange(1 << 30), clean.threshold, 48, clean.seconds) for k in (0, -1)
     )
     done = time.perf_counter()
-    stacked = {name: np.stack([frame[name] for frame in noisy]) for name in LAYERS}
-    aside = target.with_suffix(".part.npz")
-    np.savez_compressed(
-        aside,
-        color=half(stacked["color"]),
-        albedo=unit(stacked["albedo"]),
-        normal=np.round(np.clip(stacked["normal"], -1, 1) * 127).astype(np.int8),
-        depth=half(stacked["depth"][..., 0]),
-        vector=half(stacked["vector"]),
-        ref=half(reference["color"]),
-        ref_albedo=unit(reference["albedo"]),
-        ref_before=half(before["color"]),
-        meta=json.dumps({"seed": seed, "kind": kind, "motion": motion, "spp": samples, "adaptive": adaptive}),
-    )
-    aside.replace(target)
+    meta = {"seed": seed, "kind": kind, "motion": motion, "spp": samples, "adaptive": adaptive}
+    save(target, noisy, reference, meta, before)
     return f"{seed} {kind} {motion}: {samples} spp, noisy {halfway - began:.1f} s, references {done - halfway:.1f} s"
 
 

@@ -119,17 +119,22 @@ def objective(net: Hush, inputs: Tensor, views: list[Batch], lam: Tensor, tempor
 
 
 @torch.no_grad()
-def validate(net: Hush, shots: list[Shot], offsets: tuple[int, ...], lam: float = 1.0, block: int = 1) -> float:
-    """Mean SMAPE over the shots' middle frames, the reference scaled to mean 0.4; of the means over blocks of pixels if block > 1,
-    where the references' own noise counts less."""
-    total = 0.0
+def validate_blocks(net: Hush, shots: list[Shot], offsets: tuple[int, ...], blocks: tuple[int, ...]) -> list[float]:
+    """Mean SMAPE over the shots' middle frames at λ 1, the reference scaled to mean 0.4, of the means over blocks of pixels of each
+    size: the references' own noise counts less in larger ones."""
+    totals = [0.0] * len(blocks)
     for shot in shots:
         batch = collate([prepare(shot, offsets)])
-        image = net(batch, torch.tensor([lam]))["image"]
+        image = net(batch, torch.ones(1))["image"]
         gain = batch["gain"].view(-1, 1, 1, 1)
-        pair = (F.avg_pool2d(x * gain, block) for x in (image, batch["reference"]))
-        total += float(smape(*pair).mean())
-    return total / len(shots)
+        for k, block in enumerate(blocks):
+            totals[k] += float(smape(*(F.avg_pool2d(x * gain, block) for x in (image, batch["reference"]))).mean())
+    return [total / len(shots) for total in totals]
+
+
+def validate(net: Hush, shots: list[Shot], offsets: tuple[int, ...]) -> float:
+    """As `validate_blocks`, of the pixels themselves."""
+    return validate_blocks(net, shots, offsets, (1,))[0]
 
 
 @torch.no_grad()
@@ -186,8 +191,9 @@ class Run:
     def record(self, loss: float) -> None:
         """Validates the averaged weights, adds a line to log.jsonl and writes the checkpoint."""
         net, held = self.mean.module, list(self.held.values())
-        scores = {"window2": validate(net, held, OFFSETS), "window0": validate(net, held, ()), "flicker": validate_flicker(net, held)}
-        scores |= {"blocks2": validate(net, held, OFFSETS, block=4), "blocks0": validate(net, held, (), block=4)}
+        (window2, blocks2), (window0, blocks0) = (validate_blocks(net, held, offsets, (1, 4)) for offsets in (OFFSETS, ()))
+        scores = {"window2": window2, "window0": window0, "flicker": validate_flicker(net, held)}
+        scores |= {"blocks2": blocks2, "blocks0": blocks0}
         counts = {"shots": len(self.shots), "held": len(held)}
         line = json.dumps({"step": self.step, "spent": self.spent, "loss": loss, **scores, **counts})
         print(line, flush=True)
@@ -199,11 +205,16 @@ class Run:
         os.replace(aside, self.folder / "checkpoint.pt")
 
 
+def averaged(checkpoint: Path) -> Batch:
+    """A checkpoint's averaged weights, by the network's names."""
+    mean = torch.load(checkpoint, weights_only=True, map_location="cpu")["mean"]
+    return {k.removeprefix("module."): v for k, v in mean.items() if k.startswith("module.")}
+
+
 def begin_from(net: Hush, mean: Batch) -> None:
     """Takes over averaged weights. What an older architecture lacks keeps its random start; a head's new taps start at a logit of 0."""
     state = net.state_dict()
-    for name, value in mean.items():
-        at = name.removeprefix("module.")
+    for at, value in mean.items():
         if at not in state or state[at].shape[1:] != value.shape[1:]:
             continue
         state[at].zero_()
@@ -240,7 +251,7 @@ def main() -> None:
     torch.manual_seed(1)
     net = Hush(Architecture()).to(memory_format=torch.channels_last)
     if a.start:
-        begin_from(net, torch.load(a.start, weights_only=True)["mean"])
+        begin_from(net, averaged(a.start))
     mean = AveragedModel(net, multi_avg_fn=get_ema_multi_avg_fn(0.999))
     if a.fused:
         net.average = mean.module.average = fused.average

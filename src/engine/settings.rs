@@ -15,9 +15,9 @@ pub struct Settings {
     pub memory: Option<u64>,
     /// What may be left out.
     pub skip: Skip,
-    /// Levels of the kernels' pyramid that are used, 1 to 4, at most those that the weights have. Below that the coarsest are not computed, and the kernels do without
-    /// their taps: faster, what is noisy over many pixels stays so, and wide holes of bad pixels are filled less far. The network
-    /// was trained with all.
+    /// Levels of the kernels' pyramid that are used, 1 to 4, at most those that the weights have. Below that the coarsest are not
+    /// computed, and the kernels do without their taps: faster, what is noisy over many pixels stays so, and wide holes of bad
+    /// pixels are filled less far. The network was trained with all.
     pub levels: usize,
     /// The instruction set; None is the fastest. AVX2 and AVX-512 give the same bits, the portable path agrees to 1e-4.
     pub isa: Option<Isa>,
