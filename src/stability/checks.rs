@@ -6,6 +6,7 @@ use super::cases::{Case, HOLE, Hazard};
 use super::reference::Reference;
 use super::row::{Row, Worst};
 use super::suite::Suite;
+use crate::frame::exposure::exposure;
 use crate::simd::Isa;
 use crate::{Denoised, EncodedFrame, Engine, Frame};
 
@@ -35,10 +36,9 @@ pub(super) fn values(d: &Denoised) -> Array3<f32> {
     })
 }
 
-/// Whether a frame has light that may be made darker by all stops and still counts, or none.
-fn is_lit_or_black(frame: &Frame) -> bool {
-    let brightest = frame.colour.iter().copied().filter(|v| v.is_finite()).fold(0.0, f32::max);
-    brightest == 0.0 || f64::from(brightest) > DARK * 2f64.powi(-STOPS[0])
+/// Whether a frame's light may be made darker by all stops and still counts: the light that sets its exposure, not its brightest.
+fn may_be_darker(frame: &Frame) -> bool {
+    f64::from(exposure(frame.colour.view())) < 2f64.powi(STOPS[0]) / DARK
 }
 
 fn place(lambda: f32, (y, x, c): (usize, usize, usize)) -> String {
@@ -79,7 +79,7 @@ pub(super) fn rows(suite: &Suite, case: &Case) -> Vec<Row> {
     let is_promised = |name: &str| match name {
         "AVX2 and AVX-512" => thorough && suite.others.iter().any(|(isa, _)| *isa != Isa::Portable),
         "portable" => thorough && suite.others.iter().any(|(isa, _)| *isa == Isa::Portable),
-        "exposure" => frames.iter().all(is_lit_or_black),
+        "exposure" => frames.iter().all(may_be_darker),
         "filled" => case.has_a_hole(),
         _ => true,
     };
