@@ -10,7 +10,7 @@
 
 use std::time::{Duration, Instant};
 
-use hush::simd::{Activation, Conv, Epilogue, Isa};
+use hush::simd::{Activation, Conv, Epilogue, Isa, Winograd};
 use ndarray::{Array1, Array4};
 
 /// Channels in and out, kernel size, stride, and the input's rows and columns.
@@ -40,21 +40,33 @@ fn main() {
         let weight = Array4::from_shape_fn((outputs, inputs, kernel, kernel), |(a, b, c, d)| {
             ((a * 7 + b * 5 + c * 3 + d) % 11) as f32 * 0.01 - 0.05
         });
-        let conv = Conv::new(weight.view(), Some(Array1::from_elem(outputs, 0.1).view()), stride);
+        let bias = Array1::from_elem(outputs, 0.1);
+        let conv = Conv::new(weight.view(), Some(bias.view()), stride);
         let mut input = Activation::new(rows, columns, inputs);
         input.as_mut_slice().iter_mut().enumerate().for_each(|(i, v)| *v = (i % 13) as f32 * 0.1 - 0.6);
-        let mut output = Activation::empty();
         let (out_rows, out_columns) = conv.output_size(rows, columns);
         let flops = 2.0 * (out_rows * out_columns * outputs * inputs * kernel * kernel) as f64;
-        for isa in Isa::available().into_iter().rev() {
-            for threads in 1..=std::thread::available_parallelism().map_or(1, usize::from).min(2) {
-                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a thread pool");
-                let epilogue = Epilogue { relu_input: kernel == 3, ..Epilogue::default() };
-                let best = fastest(&pool, || conv.run(isa, &input, &mut output, epilogue));
-                let core = best.cpu.map_or("-".into(), |cpu| format!("{:.1}", flops / cpu / 1e9));
-                let (ms, giga) = (best.wall * 1e3, flops / best.wall / 1e9);
-                println!("{name:<22} {:>8} {threads:>8} {ms:>9.2} {giga:>9.1} {core:>9}", isa.name());
-            }
+        let epilogue = Epilogue { relu_input: kernel == 3, ..Epilogue::default() };
+        measure(&name, flops, |isa, output| conv.run(isa, &input, output, epilogue));
+        if kernel == 3 && stride == 1 && inputs == outputs {
+            let winograd = Winograd::new(weight.view(), bias.view());
+            measure(&format!("winograd {inputs} {rows}x{columns}"), flops, |isa, output| {
+                winograd.run(isa, &input, output, epilogue)
+            });
+        }
+    }
+}
+
+/// Prints a line for each instruction set and number of threads; GFLOPS count the products of the plain sum.
+fn measure(name: &str, flops: f64, run: impl Fn(Isa, &mut Activation) + Sync) {
+    let mut output = Activation::empty();
+    for isa in Isa::available().into_iter().rev() {
+        for threads in 1..=std::thread::available_parallelism().map_or(1, usize::from).min(2) {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a thread pool");
+            let best = fastest(&pool, || run(isa, &mut output));
+            let core = best.cpu.map_or("-".into(), |cpu| format!("{:.1}", flops / cpu / 1e9));
+            let (ms, giga) = (best.wall * 1e3, flops / best.wall / 1e9);
+            println!("{name:<22} {:>8} {threads:>8} {ms:>9.2} {giga:>9.1} {core:>9}", isa.name());
         }
     }
 }

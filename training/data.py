@@ -133,13 +133,14 @@ ALL_GUIDES = Guides()
 @dataclass
 class Frames:
     """What the network takes of each frame by itself: inputs (n, 10, H, W), colour demodulated and albedo plus ε (n, 3, H, W), depth
-    scaled (n, 1, H, W), valid (n, 1, H, W)."""
+    scaled (n, 1, H, W), valid (n, 1, H, W), exposure (n,)."""
 
     inputs: Tensor
     colour: Tensor
     albedo: Tensor
     depth: Tensor
     valid: Tensor
+    exposure: Tensor
 
 
 def frames(shot: Shot, guides: Guides = ALL_GUIDES, epsilon: float = 0.05, valid: Tensor | None = None) -> Frames:
@@ -150,7 +151,8 @@ def frames(shot: Shot, guides: Guides = ALL_GUIDES, epsilon: float = 0.05, valid
     colour = shot.colour.clamp_min(0) / modulation
     scale = lambda of: torch.tensor(of).view(-1, 1, 1, 1)
     pairs = lambda planes: zip(planes, valid, strict=True)
-    seen = colour * scale([exposure(c, v[0]) for c, v in pairs(shot.colour)])
+    exposures = [exposure(c, v[0]) for c, v in pairs(shot.colour)]
+    seen = colour * scale(exposures)
     if guides.depth:
         front = torch.where((shot.depth > 0) & (shot.depth < 1e9), shot.depth, 0.0)
         depth = front * scale([depth_scale(z, v) for z, v in pairs(shot.depth)])
@@ -162,7 +164,7 @@ def frames(shot: Shot, guides: Guides = ALL_GUIDES, epsilon: float = 0.05, valid
         shot.normal if guides.normal else torch.zeros_like(shot.normal),
         torch.log1p(depth),
     )
-    return Frames(torch.cat(parts, 1), colour, modulation, depth, valid)
+    return Frames(torch.cat(parts, 1), colour, modulation, depth, valid, torch.tensor(exposures))
 
 
 def view(shot: Shot, of: Frames, centre: int, offsets: Sequence[int]) -> dict[str, Tensor]:
@@ -183,10 +185,11 @@ def view(shot: Shot, of: Frames, centre: int, offsets: Sequence[int]) -> dict[st
         "position": pick("position", (2, h // 2, w // 2)),
         "extras": pick("extras", (7, h // 2, w // 2)),
         "noisy": shot.colour[centre].clamp_min(0),
+        "exposure": of.exposure[centre],
     }
     if centre in shot.references:
         reference = shot.references[centre].clamp_min(0)
-        made |= {"reference": reference, "gain": 0.4 / reference.mean().clamp_min(1e-6)}
+        made |= {"reference": reference, "gain": 0.4 / reference.mean().clamp_min(1e-6), "effort": torch.tensor((shot.spp / 8) ** 0.25)}
     return made
 
 

@@ -29,6 +29,9 @@ struct Tap {
     std::ptrdiff_t index; // among all taps
     std::ptrdiff_t shift; // columns; twice the coarse columns for a coarse tap
     std::ptrdiff_t coarse_row; // of the coarser level, −1 for a frame's tap
+    const float *key; // the tap's, null for a coarse tap
+    const float *query; // the row's first of its frame, the second a plane further
+    std::ptrdiff_t query_at; // its index
 };
 
 // One coarse row at twice its width, each pixel twice; channels 0…2 and the valid mask.
@@ -40,17 +43,18 @@ void expand(const float *coarse, std::ptrdiff_t half_plane, std::ptrdiff_t row, 
 
 // Calls visit(Tap) for each tap of a row, in the order of the logits.
 template <typename Visit>
-void each_tap(const Shape &s, std::ptrdiff_t b, std::ptrdiff_t y, const float *images, const float *valid, const float *coarse, float *wide, Visit visit) {
+void each_tap(const Shape &s, std::ptrdiff_t b, std::ptrdiff_t y, const float *images, const float *valid, const float *coarse, const float *queries, const float *keys, float *wide, Visit visit) {
     const std::ptrdiff_t w = s.columns, plane = s.plane();
     std::ptrdiff_t index = 0;
     for (std::ptrdiff_t f = 0; f < s.frames; ++f) {
         const int radius = s.sizes[f] / 2;
-        const float *image = images + (b * s.frames + f) * 3 * plane, *mask = valid + (b * s.frames + f) * plane;
+        const float *image = images + (b * s.frames + f) * 3 * plane, *mask = valid + (b * s.frames + f) * plane, *key = keys + (b * s.frames + f) * plane;
+        const std::ptrdiff_t query_at = (b * s.frames + f) * 2 * plane + y * w;
         for (int dy = -radius; dy <= radius; ++dy)
             for (int dx = -radius; dx <= radius; ++dx, ++index) {
                 if (y + dy < 0 || y + dy >= s.rows) continue;
                 const std::ptrdiff_t at = (y + dy) * w + dx;
-                visit(Tap{{image + at, image + plane + at, image + 2 * plane + at}, mask + at, std::max<std::ptrdiff_t>(0, -dx), std::min(w, w - dx), index, dx, -1});
+                visit(Tap{{image + at, image + plane + at, image + 2 * plane + at}, mask + at, std::max<std::ptrdiff_t>(0, -dx), std::min(w, w - dx), index, dx, -1, key + at, queries + query_at, query_at});
             }
     }
     const int radius = s.coarse / 2;
@@ -64,9 +68,18 @@ void each_tap(const Shape &s, std::ptrdiff_t b, std::ptrdiff_t y, const float *i
         expand(coarse + b * 4 * half_rows * half_columns, half_rows * half_columns, row, half_columns, wide);
         for (int dx = -radius; dx <= radius; ++dx, ++index) {
             const std::ptrdiff_t at = 2 * dx;
-            visit(Tap{{wide + at, wide + w + at, wide + 2 * w + at}, wide + 3 * w + at, std::max<std::ptrdiff_t>(0, -at), std::min(w, w - at), index, at, row});
+            visit(Tap{{wide + at, wide + w + at, wide + 2 * w + at}, wide + 3 * w + at, std::max<std::ptrdiff_t>(0, -at), std::min(w, w - at), index, at, row, nullptr, nullptr, 0});
         }
     }
+}
+
+// The logits of a tap in a row, moved by its keys.
+void keyed(const Tap &t, const float *logit, std::ptrdiff_t plane, float *out) {
+    if (t.key == nullptr) {
+        std::copy(logit + t.first, logit + t.last, out + t.first);
+        return;
+    }
+    for (std::ptrdiff_t x = t.first; x < t.last; ++x) out[x] = logit[x] + t.key[x] * (t.query[x] + t.query[plane + x] * t.key[x]);
 }
 
 float clamped(float logit) { return std::min(std::max(logit, -LOGIT_LIMIT), LOGIT_LIMIT); }
@@ -76,15 +89,16 @@ float clamped(float logit) { return std::min(std::max(logit, -LOGIT_LIMIT), LOGI
 extern "C" {
 
 void hush_apply(std::ptrdiff_t batch, std::ptrdiff_t frames, std::ptrdiff_t rows, std::ptrdiff_t columns, const int *sizes, int coarse_size,
-                const float *logits, const float *images, const float *valid, const float *coarse, float *out, float *norm) {
+                const float *logits, const float *images, const float *valid, const float *coarse, const float *queries, const float *keys, float *out, float *norm) {
     const Shape s{batch, frames, rows, columns, sizes, coarse_size};
     const std::ptrdiff_t plane = s.plane(), taps = s.taps();
-    std::vector<float> wide(4 * columns);
+    std::vector<float> wide(4 * columns), moved(columns);
     for (std::ptrdiff_t b = 0; b < batch; ++b)
         for (std::ptrdiff_t y = 0; y < rows; ++y) {
             float *r0 = out + b * 3 * plane + y * columns, *r1 = r0 + plane, *r2 = r1 + plane, *total = norm + b * plane + y * columns;
-            each_tap(s, b, y, images, valid, coarse, wide.data(), [&](const Tap &t) {
-                const float *logit = logits + (b * taps + t.index) * plane + y * columns;
+            each_tap(s, b, y, images, valid, coarse, queries, keys, wide.data(), [&](const Tap &t) {
+                keyed(t, logits + (b * taps + t.index) * plane + y * columns, plane, moved.data());
+                const float *logit = moved.data();
                 for (std::ptrdiff_t x = t.first; x < t.last; ++x) {
                     const float weight = expf(clamped(logit[x])) * t.valid[x];
                     r0[x] += weight * t.source[0][x];
@@ -103,11 +117,11 @@ void hush_apply(std::ptrdiff_t batch, std::ptrdiff_t frames, std::ptrdiff_t rows
 }
 
 void hush_apply_backward(std::ptrdiff_t batch, std::ptrdiff_t frames, std::ptrdiff_t rows, std::ptrdiff_t columns, const int *sizes, int coarse_size,
-                         const float *logits, const float *images, const float *valid, const float *coarse, const float *out, const float *norm,
-                         const float *gradient, float *to_logits, float *to_coarse) {
+                         const float *logits, const float *images, const float *valid, const float *coarse, const float *queries, const float *keys,
+                         const float *out, const float *norm, const float *gradient, float *to_logits, float *to_coarse, float *to_queries) {
     const Shape s{batch, frames, rows, columns, sizes, coarse_size};
     const std::ptrdiff_t plane = s.plane(), taps = s.taps(), half_columns = columns / 2, half_plane = plane / 4;
-    std::vector<float> wide(4 * columns), g(3 * columns), centre(columns), spread(3 * columns);
+    std::vector<float> wide(4 * columns), g(3 * columns), centre(columns), spread(3 * columns), moved(columns);
     for (std::ptrdiff_t b = 0; b < batch; ++b)
         for (std::ptrdiff_t y = 0; y < rows; ++y) {
             float *g0 = g.data(), *g1 = g0 + columns, *g2 = g1 + columns;
@@ -119,16 +133,24 @@ void hush_apply_backward(std::ptrdiff_t batch, std::ptrdiff_t frames, std::ptrdi
                 g2[x] = gradient[at + 2 * plane] * share;
                 centre[x] = g0[x] * out[at] + g1[x] * out[at + plane] + g2[x] * out[at + 2 * plane];
             }
-            each_tap(s, b, y, images, valid, coarse, wide.data(), [&](const Tap &t) {
+            each_tap(s, b, y, images, valid, coarse, queries, keys, wide.data(), [&](const Tap &t) {
                 const std::ptrdiff_t at = (b * taps + t.index) * plane + y * columns;
-                const float *logit = logits + at;
+                keyed(t, logits + at, plane, moved.data());
+                const float *logit = moved.data();
                 float *to = to_logits + at;
                 for (std::ptrdiff_t x = t.first; x < t.last; ++x) {
                     const float weight = expf(clamped(logit[x])) * t.valid[x];
                     const float pull = g0[x] * t.source[0][x] + g1[x] * t.source[1][x] + g2[x] * t.source[2][x] - centre[x];
                     to[x] = std::fabs(logit[x]) <= LOGIT_LIMIT ? weight * pull : 0.0f;
                 }
-                if (t.coarse_row < 0) return;
+                if (t.coarse_row < 0) {
+                    float *first = to_queries + t.query_at, *second = first + plane;
+                    for (std::ptrdiff_t x = t.first; x < t.last; ++x) {
+                        first[x] += to[x] * t.key[x];
+                        second[x] += to[x] * t.key[x] * t.key[x];
+                    }
+                    return;
+                }
                 for (int c = 0; c < 3; ++c) {
                     const float *share = g.data() + c * columns;
                     float *row = spread.data() + c * columns;

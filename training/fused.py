@@ -55,31 +55,45 @@ class Apply(torch.autograd.Function):
         valid: Tensor,
         colour: Tensor | None,
         mask: Tensor | None,
+        asked: Tensor | None,
+        keys: Tensor | None,
         sizes: tuple[int, ...],
         coarse_taps: int,
     ) -> tuple[Tensor, Tensor]:
-        logits, images, valid = (x.float().contiguous() for x in (logits, images, valid))
+        b, t, _, h, w = images.shape
+        queries = torch.zeros(b, t, 2, h, w) if asked is None else asked
+        keys = torch.zeros(b, t, 1, h, w) if keys is None else keys
+        logits, images, valid, queries, keys = (x.float().contiguous() for x in (logits, images, valid, queries, keys))
         coarse = torch.zeros(0) if colour is None else torch.cat((colour, mask), 1).float().contiguous()
         out, norm = torch.zeros_like(images[:, 0]).contiguous(), torch.zeros_like(valid[:, 0]).contiguous()
-        call("hush_apply", sizes, coarse_taps, images, logits, images, valid, coarse, out, norm)
-        ctx.save_for_backward(logits, images, valid, coarse, out, norm)
-        ctx.sizes, ctx.coarse_taps = sizes, coarse_taps
+        call("hush_apply", sizes, coarse_taps, images, logits, images, valid, coarse, queries, keys, out, norm)
+        ctx.save_for_backward(logits, images, valid, coarse, queries, keys, out, norm)
+        ctx.sizes, ctx.coarse_taps, ctx.keyed = sizes, coarse_taps, asked is not None
         ctx.mark_non_differentiable(norm)
         return out, norm
 
     @staticmethod
     def backward(ctx: torch.autograd.function.FunctionCtx, *gradients: Tensor) -> tuple[Tensor | None, ...]:
-        logits, images, valid, coarse, out, norm = ctx.saved_tensors
+        logits, images, valid, coarse, queries, keys, out, norm = ctx.saved_tensors
         to_logits = torch.zeros_like(logits)
         to_coarse = torch.zeros_like(coarse[:, :3]).contiguous() if ctx.coarse_taps else torch.zeros(0)
-        arrays = (logits, images, valid, coarse, out, norm, gradients[0].float().contiguous(), to_logits, to_coarse)
+        to_queries = torch.zeros_like(queries)
+        pull = gradients[0].float().contiguous()
+        arrays = (logits, images, valid, coarse, queries, keys, out, norm, pull, to_logits, to_coarse, to_queries)
         call("hush_apply_backward", ctx.sizes, ctx.coarse_taps, images, *arrays)
-        return to_logits, None, None, to_coarse if ctx.coarse_taps else None, None, None, None
+        return to_logits, None, None, to_coarse if ctx.coarse_taps else None, None, to_queries if ctx.keyed else None, None, None, None
 
 
 def average(
-    logits: Tensor, images: Tensor, valid: Tensor, sizes: tuple[int, ...], coarse: tuple[Tensor, Tensor] | None = None, coarse_taps: int = 0
+    logits: Tensor,
+    images: Tensor,
+    valid: Tensor,
+    sizes: tuple[int, ...],
+    coarse: tuple[Tensor, Tensor] | None = None,
+    coarse_taps: int = 0,
+    keyed: tuple[Tensor, Tensor] | None = None,
 ) -> tuple[Tensor, Tensor]:
     """As `model.kernel_average`."""
     colour, mask = coarse or (None, None)
-    return Apply.apply(logits, images, valid, colour, mask, sizes, coarse_taps if coarse else 0)
+    queries, keys = keyed or (None, None)
+    return Apply.apply(logits, images, valid, colour, mask, queries, keys, sizes, coarse_taps if coarse else 0)

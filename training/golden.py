@@ -17,7 +17,8 @@ from safetensors.torch import save_file
 from torch import Tensor
 
 SMALL = Architecture(
-    features=16, half=32, quarter=48, eighth=16, blocks_half=1, blocks_quarter=1, blocks_eighth=2, pair=16, lambda_hidden=4,
+    features=16, half=32, quarter=48, eighth=16, blocks_encoder=2, blocks_half=1, blocks_quarter=1, blocks_eighth=2, blocks_out=2,
+    pair=16, lambda_hidden=4,
     centre_taps=5, neighbour_taps=3, coarse_taps=3, albedo_taps=3,
 )  # fmt: skip
 LEVELS = {"half": 2, "quarter": 4, "eighth": 8}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from torch import Tensor
 
 EPSILON = 1e-2
+RELATIVE = 0.1
 
 
 def smape(denoised: Tensor, reference: Tensor) -> Tensor:
@@ -12,10 +13,19 @@ def smape(denoised: Tensor, reference: Tensor) -> Tensor:
     return (denoised - reference).abs() / (denoised.abs() + reference.abs() + EPSILON)
 
 
+def relative(denoised: Tensor, reference: Tensor) -> Tensor:
+    """Absolute error over the reference by pixel and channel."""
+    return (denoised - reference).abs() / (reference.abs() + 0.1)
+
+
 def asymmetric(denoised: Tensor, reference: Tensor, noisy: Tensor, lam: Tensor) -> Tensor:
-    """ℓ'λ(d, r, c) = ℓ(d, r)·(1 + (λ−1)·H((d−r)(r−c))): λ times the price for leaving the noisy colour's side."""
+    """ℓ'λ(d, r, c) = ℓ(d, r)·(1 + (λ−1)·H((d−r)(r−c))): λ times the price for leaving the noisy colour's side.
+
+    ℓ is the SMAPE and a share of the logarithm of the relative error, which a firefly does not end.
+    """
     crossed = ((denoised - reference) * (reference - noisy) > 0).to(denoised.dtype)
-    return smape(denoised, reference) * (1.0 + (lam.view(-1, 1, 1, 1) - 1.0) * crossed)
+    error = smape(denoised, reference) + RELATIVE * relative(denoised, reference).log1p()
+    return error * (1.0 + (lam.view(-1, 1, 1, 1) - 1.0) * crossed)
 
 
 def flicker(denoised: Tensor, reference: Tensor, before: Tensor, followed: Tensor) -> Tensor:

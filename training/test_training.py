@@ -36,12 +36,13 @@ def test_the_fused_kernels_are_the_plain_ones(sizes: tuple[int, ...], coarse: in
     images, valid = noise(2, len(sizes), 3, ROWS, COLUMNS, seed=2) * 9, (noise(2, len(sizes), 1, ROWS, COLUMNS, seed=3) > 0.3).float()
     colour, mask = noise(2, 3, ROWS // 2, COLUMNS // 2, seed=4), (noise(2, 1, ROWS // 2, COLUMNS // 2, seed=5) > 0.2).float()
     pull = noise(2, 3, ROWS, COLUMNS, seed=6)
+    queries, keys = noise(2, len(sizes), 2, ROWS, COLUMNS, seed=7) * 8 - 4, noise(2, len(sizes), 1, ROWS, COLUMNS, seed=8)
     results = []
     for average in (kernel_average, fused.average):
-        inputs = [logits.clone().requires_grad_(), colour.clone().requires_grad_()]
-        out, norm = average(inputs[0], images, valid, sizes, (inputs[1], mask) if coarse else None, coarse)
+        inputs = [logits.clone().requires_grad_(), queries.clone().requires_grad_(), colour.clone().requires_grad_()]
+        out, norm = average(inputs[0], images, valid, sizes, (inputs[2], mask) if coarse else None, coarse, (inputs[1], keys))
         (out * pull).sum().backward()
-        results.append([out.detach(), norm.log1p(), *(x.grad for x in inputs[: 2 if coarse else 1])])
+        results.append([out.detach(), norm.log1p(), *(x.grad for x in inputs[: 3 if coarse else 2])])
     for plain, fast in zip(*results, strict=True):
         torch.testing.assert_close(fast, plain, rtol=1e-4, atol=1e-5)
         assert plain.abs().max() > 0

@@ -22,8 +22,8 @@ import torch.nn.functional as F
 from data import OFFSETS, Guides, Shot, frames, is_held, oriented, prepare, read_shot, shot_paths, view
 from loss import asymmetric, flicker, smape
 from model import LAMBDA_MAX, Architecture, Hush, warped
+from muon import Both
 from torch import Tensor
-from torch.optim import AdamW
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 Batch = dict[str, Tensor]
@@ -88,17 +88,19 @@ def still_loss(out: Batch, view: Batch, lam: Tensor) -> Tensor:
     """The loss of one frame, on images scaled so that the reference's mean is 0.4.
 
     The asymmetric loss of the final image, weighted 2 / (1 + √λ) so that no λ outweighs the others; 0.1 and 0.05 of the SMAPE of
-    the demodulated half and quarter levels; 0.1 of the SMAPE of the final image at half resolution, against blotches.
+    the demodulated half and quarter levels; 0.1 of the SMAPE of the final image at half resolution, against blotches. Shots of many
+    samples, whose errors are small, count more.
     """
     gain = view["gain"].view(-1, 1, 1, 1)
     reference, noisy = view["reference"] * gain, view["noisy"] * gain
+    effort = view["effort"].view(-1, 1, 1, 1)
     weight = (2.0 / (1.0 + lam.sqrt())).view(-1, 1, 1, 1)
-    total = (asymmetric(out["image"] * gain, reference, noisy, lam) * weight).mean()
+    total = (asymmetric(out["image"] * gain, reference, noisy, lam) * weight * effort).mean()
     base = view["reference"] / view["albedo"][:, 0].clamp_min(0.05) * gain
     for level, share in (("half", 0.1), ("quarter", 0.05)):
         base = F.avg_pool2d(base, 2)
-        total = total + share * smape(out[level] * gain, base).mean()
-    return total + 0.1 * smape(F.avg_pool2d(out["image"] * gain, 2), F.avg_pool2d(reference, 2)).mean()
+        total = total + share * (smape(out[level] * gain, base) * effort).mean()
+    return total + 0.1 * (smape(F.avg_pool2d(out["image"] * gain, 2), F.avg_pool2d(reference, 2)) * effort).mean()
 
 
 def temporal_loss(out: list[Batch], views: list[Batch], lam: Tensor) -> Tensor:
@@ -164,7 +166,7 @@ class Run:
     sources: list[Path]
     net: Hush
     mean: AveragedModel
-    optimiser: AdamW
+    optimiser: Both
     step: int = 0
     spent: float = 0.0
     shots: dict[int, Shot] = field(default_factory=dict)
@@ -255,7 +257,7 @@ def main() -> None:
     mean = AveragedModel(net, multi_avg_fn=get_ema_multi_avg_fn(0.999))
     if a.fused:
         net.average = mean.module.average = fused.average
-    optimiser = AdamW(net.parameters(), lr=a.rate, betas=(0.9, 0.99), weight_decay=1e-4)
+    optimiser = Both(net, a.rate)
     run = Run(a.out, a.shots, net, mean, optimiser)
     run.resume()
     run.find_shots()
@@ -267,12 +269,11 @@ def main() -> None:
     while (spent := time.monotonic() - begun) < a.hours * 3600 and run.step < a.steps:
         done = spent / (a.hours * 3600)
         rate = a.rate * min(1.0, (run.step + 1) / 200) * max(0.005, 0.5 * (1 + math.cos(math.pi * done)))
-        for group in optimiser.param_groups:
-            group["lr"] = rate
+        optimiser.set_rate(rate)
         batch, coming = coming.result(), ahead()
         with torch.autocast("cpu", torch.bfloat16, enabled=a.bf16):
             loss = objective(net, *batch, a.temporal)
-        optimiser.zero_grad(set_to_none=True)
+        optimiser.zero_grad()
         loss.backward()
         norm = torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
         if torch.isfinite(norm):

@@ -17,7 +17,7 @@ use crate::kernels::planes::Planes;
 use crate::network::body::Body;
 use crate::network::encoder::Encoder;
 use crate::network::features::Features;
-use crate::network::levels::{Levels, Margins, kernel_reach, pyramid_of};
+use crate::network::levels::{Level, Levels, Margins, Pyramid, kernel_reach, pyramid_of};
 use crate::network::pairs::Neighbour;
 use crate::network::predictor::Predictor;
 use crate::network::temporal::Temporal;
@@ -356,8 +356,9 @@ impl Engine {
         });
         let (paths, (images, warped)): (Vec<&Path>, (Vec<Planes>, Vec<Warped>)) = seen.unzip();
         let pyramid = self.clock.time(Stage::Coarse, || {
-            let own = centre_planes(&centre.packed, region, &channels, margins.full);
-            pyramid_of(own, images, &channels, margins, plan.levels.min(self.levels))
+            let own = centre_planes(self.isa, &centre.packed, region, &channels, margins.full);
+            let full = Level { centre: own, neighbours: images };
+            pyramid_of(self.isa, full, &channels, margins, (plan.levels.min(self.levels), centre.packed.exposure))
         });
         let neighbours: Vec<Neighbour> =
             paths.iter().zip(&warped).map(|(path, warped)| Neighbour { features: &path.neighbour().features, warped }).collect();
@@ -377,7 +378,7 @@ impl Engine {
         };
         let coarse = self.clock.time(Stage::Coarse, || levels.coarse());
         let image = self.clock.time(Stage::Full, || levels.full(coarse.last()));
-        Stages { features, coarse, image, used }
+        Stages { features, pyramid, coarse, image, used }
     }
 
     #[cfg(test)]
@@ -417,6 +418,7 @@ impl FramePlan<'_> {
 struct Stages {
     /// The body's, at half, quarter and eighth resolution.
     features: [Activation; 3],
+    pyramid: Pyramid,
     /// The denoised coarser levels, half resolution last.
     coarse: Vec<Planes>,
     /// The core, (rows, columns, values).

@@ -2,20 +2,54 @@
 
 use super::{EncodedFrame, Engine, LEVELS};
 use crate::frame::packed::PackedFrame;
+use crate::kernels::FULL_PHASES;
+use crate::kernels::planes::Planes;
+use crate::kernels::weigh::offsets;
 use crate::network::features::Features;
-use crate::network::levels::Margins;
+use crate::network::levels::{Level, Margins};
 use crate::network::logits::RegionLogits;
 use crate::network::pairs::Neighbour;
+use crate::network::predictor::Head;
 use crate::network::warp::{Warped, warp};
 use crate::plan::tiles::{Rect, Tile};
 
-/// The logits of a frame that is denoised as one tile, with nothing left out.
+/// The logits of a frame that is denoised as one tile, with nothing left out, moved by the taps' keys.
 pub(crate) struct Probe {
     /// Of the neighbours used, in the order of the logits.
     pub offsets: Vec<i32>,
     pub full: RegionLogits,
     /// Half resolution and coarser.
     pub coarse: Vec<RegionLogits>,
+}
+
+/// How the kernels over one image lie in a level's logits.
+struct Kernels {
+    /// In taps.
+    width: usize,
+    /// Outputs from sub-pixel to sub-pixel.
+    pitch: usize,
+    phases: usize,
+    /// The output at which the queries begin.
+    queries: usize,
+}
+
+impl Kernels {
+    /// Adds to the logits, [output][row][column], what the taps' keys do, as the kernel stage does it.
+    fn move_by_keys(&self, logits: &mut [f32], (rows, columns): (usize, usize), image: &Planes, key: usize) {
+        let area = rows * columns;
+        for phase in 0..self.phases {
+            for (k, distance) in offsets(image, self.phases, phase, self.width, 1).into_iter().enumerate() {
+                for pixel in 0..area {
+                    let pixel_key = image.at(key * self.phases, (pixel / columns) as isize, (pixel % columns) as isize);
+                    let key = image.data()[(pixel_key as isize + distance) as usize];
+                    let query = |i: usize| logits[(self.queries + 2 * phase + i) * area + pixel];
+                    let query = key.mul_add(query(1), query(0));
+                    let logit = &mut logits[(phase * self.pitch + k) * area + pixel];
+                    *logit = key.mul_add(query, *logit);
+                }
+            }
+        }
+    }
 }
 
 impl Engine {
@@ -35,16 +69,29 @@ impl Engine {
             })
             .unzip();
         let pairs: Vec<Neighbour> = seen.iter().map(|(features, warped)| Neighbour { features, warped }).collect();
-        let logits = |head, features| RegionLogits::new(self.isa, head, features, &pairs, region);
+        let (counts, key) = (self.predictor.taps, plan.channels.key());
+        let logits = |head: &Head, features, level: &Level, phases| {
+            let mut out = RegionLogits::new(self.isa, head, features, &pairs, region);
+            // At full resolution a sub-pixel's albedo taps, and its coarse ones, lie between its taps and the next one's.
+            let (pitch, near_pitch) =
+                if phases == 1 { (0, 0) } else { (counts.centre + counts.coarse + counts.albedo, counts.neighbour + 1) };
+            let size = (out.rows, out.columns);
+            let own = Kernels { width: self.widths[0], pitch, phases, queries: head.queries };
+            own.move_by_keys(&mut out.centre, size, &level.centre, key);
+            let near = Kernels { width: self.widths[1], pitch: near_pitch, phases, queries: head.pair_queries };
+            out.pairs.iter_mut().zip(&level.neighbours).for_each(|(pair, image)| near.move_by_keys(pair, size, image, key));
+            out
+        };
+        let coarse = self.predictor.coarse.iter().zip(&stages.features).zip(&stages.pyramid.coarse);
         Probe {
-            full: logits(&self.predictor.full, &stages.features[0]),
-            coarse: self.predictor.coarse.iter().zip(&stages.features).map(|(head, features)| logits(head, features)).collect(),
+            full: logits(&self.predictor.full, &stages.features[0], &stages.pyramid.full, FULL_PHASES),
+            coarse: coarse.map(|((head, features), level)| logits(head, features, level, 1)).collect(),
             offsets,
         }
     }
 
     /// Pixels around a pixel of a frame beyond which nothing of that frame matters, but for its exposure and mean depth.
     pub(crate) fn reach(&self) -> usize {
-        2 * (self.halo() + crate::network::encoder::HALO)
+        2 * (self.halo() + self.encoder.halo())
     }
 }

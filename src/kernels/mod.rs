@@ -1,5 +1,6 @@
 //! Kernel application: predicted logits to weights, weights to pixels, on a pyramid of up to four levels.
 
+pub mod keys;
 pub mod planes;
 pub mod pyramid;
 pub mod weigh;
@@ -9,7 +10,8 @@ use crate::frame::packed::{INVALID, MODULATION};
 /// The 2×2 pixels of a half-resolution pixel, each a plane of its own at full resolution.
 pub const FULL_PHASES: usize = 4;
 
-/// Which channel of a level's planes is which: values (colour 3, then alpha and AOVs), the mask, and at full resolution the modulation.
+/// Which channel of a level's planes is which: values (colour 3, then alpha and AOVs), the mask, the key, and at full resolution the
+/// modulation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Channels {
     /// Channels that the kernels filter.
@@ -45,19 +47,24 @@ impl Channels {
         self.values
     }
 
+    /// The channel that logits may depend on, tap by tap: the log of the light.
+    pub fn key(&self) -> usize {
+        self.values + 1
+    }
+
     /// The first of three modulation channels, at full resolution only.
     pub fn modulation(&self) -> usize {
-        self.values + 1
+        self.values + 2
     }
 
     /// Channels at full resolution.
     pub fn full(&self) -> usize {
-        self.values + 4
+        self.values + 5
     }
 
     /// Channels at the coarser levels.
     pub fn coarse(&self) -> usize {
-        self.values + 1
+        self.values + 2
     }
 
     /// The modulation channel, 0 to 2, that a value is multiplied by at the end; none for alpha.
@@ -72,7 +79,13 @@ impl Channels {
         }
     }
 
-    /// The group and lane of a packed frame that a full-resolution channel comes from.
+    /// The channels at full resolution that a packed frame holds: all but the key.
+    pub fn packed(&self) -> impl Iterator<Item = usize> + use<> {
+        let key = self.key();
+        (0..self.full()).filter(move |channel| *channel != key)
+    }
+
+    /// The group and lane of a packed frame that one of the [`packed`](Self::packed) channels comes from.
     pub fn source(&self, channel: usize) -> (usize, usize) {
         if channel < 3 {
             (0, channel)

@@ -3,10 +3,12 @@
 use rayon::prelude::*;
 
 use super::planes::Planes;
-use super::{Channels, FULL_PHASES};
+use super::{Channels, FULL_PHASES, keys};
+use crate::simd::Isa;
 
-/// Full-resolution planes (four phases a channel) to half resolution; a pixel is usable where any of its four is.
-pub fn down_from_full(full: &Planes, channels: &Channels, margin: usize) -> Planes {
+/// Full-resolution planes (four phases a channel) to half resolution; a pixel is usable where any of its four is. `exposure` is the
+/// centre frame's, for the keys.
+pub fn down_from_full(isa: Isa, full: &Planes, channels: &Channels, margin: usize, exposure: f32) -> Planes {
     let mut out = Planes::new(channels.coarse(), full.rows(), full.columns(), margin);
     out.rows_mut().enumerate().for_each(|(y, mut row)| {
         let phase = |channel: usize, p: usize| full.row(channel * FULL_PHASES + p, y);
@@ -25,12 +27,13 @@ pub fn down_from_full(full: &Planes, channels: &Channels, margin: usize) -> Plan
         for (x, to) in to.iter_mut().enumerate() {
             *to = masks[0][x].max(masks[1][x]).max(masks[2][x]).max(masks[3][x]);
         }
+        keys::fill(isa, &mut row, channels, 1, exposure);
     });
     out
 }
 
 /// Half-resolution planes to quarter resolution.
-pub fn down(half: &Planes, channels: &Channels, margin: usize) -> Planes {
+pub fn down(isa: Isa, half: &Planes, channels: &Channels, margin: usize, exposure: f32) -> Planes {
     let (rows, columns) = (half.rows() / 2, half.columns() / 2);
     let mut out = Planes::new(channels.coarse(), rows, columns, margin);
     out.rows_mut().enumerate().for_each(|(y, mut row)| {
@@ -47,6 +50,7 @@ pub fn down(half: &Planes, channels: &Channels, margin: usize) -> Planes {
         for (x, to) in row.plane(channels.mask()).iter_mut().enumerate() {
             *to = four(mask, x).into_iter().fold(0.0, f32::max);
         }
+        keys::fill(isa, &mut row, channels, 1, exposure);
     });
     out
 }
@@ -70,17 +74,18 @@ mod tests {
     #[test]
     fn down_sampling_averages_what_is_usable() {
         let channels = Channels::new(0, false);
-        let mut half = Planes::new(4, 4, 4, 0);
+        let mut half = Planes::new(channels.coarse(), 4, 4, 0);
         half.rows_mut().enumerate().for_each(|(y, mut row)| {
             for x in 0..4 {
                 row.plane(0)[x] = (4 * y + x) as f32;
                 row.plane(3)[x] = if (y < 2 && x < 2 && (y, x) != (0, 0)) || x == 3 { 0.0 } else { 1.0 };
             }
         });
-        let out = down(&half, &channels, 1);
+        let out = down(Isa::detect(), &half, &channels, 1, 3.0);
         assert_eq!(out.row(0, 0), [0.0, 4.0]);
         assert_eq!(out.row(3, 0), [1.0, 1.0]);
         assert_eq!(out.row(0, 1), [(8 + 9 + 12 + 13) as f32 / 4.0, 12.0]);
+        assert!((out.row(channels.key(), 0)[1] - 5f32.ln()).abs() < 1e-6, "{:?}", out.row(channels.key(), 0));
         let wide = up(&out, 0);
         assert_eq!(wide.row(0, 1), [0.0, 0.0, 4.0, 4.0]);
     }

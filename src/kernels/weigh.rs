@@ -2,6 +2,7 @@
 //!
 //! Image by image rather than pixel by pixel: the lines of one image stay in the first-level cache while all sub-pixels use them.
 
+use super::Channels;
 use super::planes::Planes;
 use crate::simd::dense::SEGMENT;
 use crate::simd::lanes::Lanes;
@@ -22,6 +23,8 @@ pub struct Taps<'a> {
     pub logits: &'a [f32],
     /// Taps between the logits of one output phase and the next.
     pub pitch: usize,
+    /// [output phase][2][32]: a tap's logit gets the first times its key and the second times its key squared. None without keys.
+    pub queries: Option<&'a [f32]>,
 }
 
 impl Taps<'_> {
@@ -74,13 +77,13 @@ impl Weights {
 
 /// Softmax over the images' taps, those outside the mask left out, and the weighted sums of `channels`: `out` [channel][phase][32].
 ///
-/// `y`, `x` count the images' pixels (half-resolution pixels where they have four phases); `mask` is the mask's channel.
+/// `y`, `x` count the images' pixels (half-resolution pixels where they have four phases); `layout` tells which channel is which.
 #[inline(always)]
 #[allow(clippy::too_many_arguments)]
 pub fn apply<L: Lanes>(
     l: L,
     images: &[Taps],
-    mask: usize,
+    layout: &Channels,
     channels: std::ops::Range<usize>,
     y: usize,
     x: usize,
@@ -92,7 +95,16 @@ pub fn apply<L: Lanes>(
     buffers.taps.resize(phases * total * SEGMENT, 0.0);
     buffers.scales.resize(phases * SEGMENT, 0.0);
     for phase in 0..phases {
-        weigh(l, images, mask, phase, y, x, &mut buffers.taps[phase * total * SEGMENT..], &mut buffers.scales[phase * SEGMENT..]);
+        weigh(
+            l,
+            images,
+            layout,
+            phase,
+            y,
+            x,
+            &mut buffers.taps[phase * total * SEGMENT..],
+            &mut buffers.scales[phase * SEGMENT..],
+        );
     }
     let size = channels.len() * phases * SEGMENT;
     out[..size].fill(0.0);
@@ -128,7 +140,7 @@ pub fn apply<L: Lanes>(
 fn weigh<L: Lanes>(
     l: L,
     images: &[Taps],
-    mask: usize,
+    channels: &Channels,
     phase: usize,
     y: usize,
     x: usize,
@@ -138,14 +150,24 @@ fn weigh<L: Lanes>(
     let (low, high, above) = (l.splat(-LOGIT_LIMIT), l.splat(LOGIT_LIMIT), l.splat(2.0 * LOGIT_LIMIT));
     // A usable tap counts from above all that are not, so that those never matter, not even for the rounding.
     let mut greatest = [low; 2];
+    let mut slots = weights.chunks_exact_mut(SEGMENT);
     for image in images {
-        let start = image.start(mask, y, x);
+        let (mask, key) = (image.start(channels.mask(), y, x), image.start(channels.key(), y, x));
         let logits = &image.logits[phase * image.pitch * SEGMENT..][..image.len() * SEGMENT];
-        for (offset, tap) in image.offsets[phase].iter().zip(logits.chunks_exact(SEGMENT)) {
-            let usable = &image.image.data()[(start + offset) as usize..][..SEGMENT];
+        let data = image.image.data();
+        for ((offset, tap), slot) in image.offsets[phase].iter().zip(logits.chunks_exact(SEGMENT)).zip(&mut slots) {
+            let usable = &data[(mask + offset) as usize..][..SEGMENT];
             for (part, greatest) in greatest.iter_mut().enumerate() {
-                let logit = l.min(l.max(l.load(tap, 16 * part), low), high);
+                let mut logit = l.load(tap, 16 * part);
+                if let Some(queries) = image.queries {
+                    let at = 2 * phase * SEGMENT + 16 * part;
+                    let key = l.load(&data[(key + offset) as usize..][..SEGMENT], 16 * part);
+                    let query = l.fma(key, l.load(queries, at + SEGMENT), l.load(queries, at));
+                    logit = l.fma(key, query, logit);
+                }
+                let logit = l.min(l.max(logit, low), high);
                 *greatest = l.max(*greatest, l.fma(l.load(usable, 16 * part), above, logit));
+                l.store(logit, slot, 16 * part);
             }
         }
     }
@@ -153,13 +175,11 @@ fn weigh<L: Lanes>(
     let mut norm = [l.splat(0.0); 2];
     let mut slots = weights.chunks_exact_mut(SEGMENT);
     for image in images {
-        let start = image.start(mask, y, x);
-        let logits = &image.logits[phase * image.pitch * SEGMENT..][..image.len() * SEGMENT];
-        let taps = image.offsets[phase].iter().zip(logits.chunks_exact(SEGMENT));
-        for ((offset, logits), slot) in taps.zip(&mut slots) {
-            let usable = &image.image.data()[(start + offset) as usize..][..SEGMENT];
+        let mask = image.start(channels.mask(), y, x);
+        for (offset, slot) in image.offsets[phase].iter().zip(&mut slots) {
+            let usable = &image.image.data()[(mask + offset) as usize..][..SEGMENT];
             for part in 0..2 {
-                let logit = l.min(l.max(l.load(logits, 16 * part), low), high);
+                let logit = l.load(slot, 16 * part);
                 let weight = l.mul(l.exp(l.sub(logit, greatest[part])), l.load(usable, 16 * part));
                 norm[part] = l.add(norm[part], weight);
                 l.store(weight, slot, 16 * part);

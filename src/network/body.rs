@@ -16,7 +16,7 @@ pub struct Body {
     from_eighth: Specialised,
     quarter_out: Residual,
     from_quarter: Specialised,
-    half_out: Residual,
+    half_out: Vec<Residual>,
 }
 
 impl Body {
@@ -24,24 +24,26 @@ impl Body {
     pub fn new(weights: &Weights) -> Result<Self> {
         let a = &weights.architecture;
         let blocks = |key: &str, count: usize, channels: usize| -> Result<Vec<Residual>> {
-            (0..count).map(|i| Residual::new(weights, &format!("{key}.{i}"), channels)).collect()
+            (0..count).map(|i| Residual::winograd(weights, &format!("{key}.{i}"), channels)).collect()
         };
+        // Tiles begin at multiples of four half-resolution pixels: any pixel at eighth resolution.
+        let eighth = (0..a.blocks_eighth).map(|i| Residual::direct(weights, &format!("eighth.{i}"), a.eighth));
         Ok(Self {
             half_in: blocks("half_in", a.blocks_half, a.half)?,
             to_quarter: weights.layer("to_quarter", a.quarter, a.half, 2)?,
             quarter_in: blocks("quarter_in", a.blocks_quarter, a.quarter)?,
             to_eighth: weights.layer("to_eighth", a.eighth, a.quarter, 2)?,
-            eighth: blocks("eighth", a.blocks_eighth, a.eighth)?,
+            eighth: eighth.collect::<Result<_>>()?,
             from_eighth: Specialised::new(weights, "from_eighth", "lambda_quarter", a.quarter, a.eighth + a.quarter)?,
-            quarter_out: Residual::new(weights, "quarter_out", a.quarter)?,
+            quarter_out: Residual::winograd(weights, "quarter_out", a.quarter)?,
             from_quarter: Specialised::new(weights, "from_quarter", "lambda_half", a.half, a.quarter + a.half)?,
-            half_out: Residual::new(weights, "half_out", a.half)?,
+            half_out: blocks("half_out", a.blocks_out, a.half)?,
         })
     }
 
     /// Half-resolution pixels around a tile's core that its result depends on, `reach` of them for the kernels themselves.
     pub fn halo(&self, reach: usize) -> usize {
-        let half = 2 * (self.half_in.len() + 1) + 1;
+        let half = 2 * (self.half_in.len() + self.half_out.len()) + 1;
         let quarter = 2 * (2 * (self.quarter_in.len() + 1) + 1);
         let eighth = 4 * (2 * self.eighth.len() + 1);
         reach + half + quarter + eighth
@@ -63,7 +65,7 @@ impl Body {
         self.quarter_out.run(isa, &mut quarter_out, &mut quarter);
         let inputs = [Source::upsampled(&quarter_out), Source::new(&half)];
         self.from_quarter.at(lambda).run_concat(isa, &inputs, &mut scratch, Epilogue::default());
-        self.half_out.run(isa, &mut scratch, &mut half);
+        self.half_out.iter().for_each(|block| block.run(isa, &mut scratch, &mut half));
         [scratch, quarter_out, eighth]
     }
 }

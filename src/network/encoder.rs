@@ -8,15 +8,13 @@ use super::weights::Weights;
 use crate::error::Result;
 use crate::frame::packed::{COLOUR, DEPTH, Guides, PackedFrame, bounded};
 use crate::simd::lanes::ln_1p_all;
-use crate::simd::{Activation, Conv, Epilogue, Isa};
+use crate::simd::{Activation, Conv, Epilogue, Isa, Winograd};
 
 /// Channels at full resolution: log colour 3, albedo 3, normal 3, log depth 1.
 const INPUTS: usize = 10;
 /// The brightest that the network sees, after exposure (`BRIGHTEST` in `training/data.py`).
 const BRIGHTEST: f32 = 1e6;
 
-/// Half-resolution rows around a strip that its features depend on: four 3×3 convolutions.
-pub(crate) const HALO: usize = 4;
 /// Half-resolution pixels that are encoded at once: a 1080p frame.
 const WHOLE_AREA: usize = 600_000;
 /// Half-resolution pixels of a strip of a larger frame.
@@ -25,8 +23,8 @@ const STRIP_AREA: usize = 200_000;
 /// The renderer-specific part of the network.
 pub struct Encoder {
     first: Conv,
-    second: Conv,
-    block: Residual,
+    second: Winograd,
+    blocks: Vec<Residual>,
 }
 
 impl Encoder {
@@ -34,22 +32,29 @@ impl Encoder {
     pub fn new(weights: &Weights) -> Result<Self> {
         let width = weights.architecture.features;
         let first = weights.layer("encoder.first", width, 4 * INPUTS, 1)?;
-        let second = weights.layer("encoder.second", width, width, 1)?;
-        Ok(Self { first, second, block: Residual::new(weights, "encoder.block", width)? })
+        let second = weights.winograd("encoder.second", width, width)?;
+        let block = |i: usize| Residual::winograd(weights, &format!("encoder.blocks.{i}"), width);
+        Ok(Self { first, second, blocks: (0..weights.architecture.blocks_encoder).map(block).collect::<Result<_>>()? })
+    }
+
+    /// Half-resolution pixels around a pixel that its features depend on: one for each 3×3 convolution.
+    pub fn halo(&self) -> usize {
+        2 + 2 * self.blocks.len()
     }
 
     /// Features (padded rows / 2, padded columns / 2, features) of a frame, computed in strips that bound the memory.
     pub fn run(&self, isa: Isa, frame: &PackedFrame, guides: &Guides) -> Features {
         let (rows, columns) = (frame.padded_rows / 2, frame.padded_columns / 2);
-        let step = if rows * columns <= WHOLE_AREA { rows } else { (STRIP_AREA / columns).clamp(1, rows) };
+        // Strips and the halo are even: Winograd's tiles lie alike in all of them.
+        let (step, halo) = (if rows * columns <= WHOLE_AREA { rows } else { (STRIP_AREA / columns).max(2) & !1 }, self.halo());
         let mut features = Features::new(rows, columns, self.second.output_channels());
         let (mut hidden, mut out) = (Activation::empty(), Activation::empty());
         for first in (0..rows).step_by(step) {
-            let (start, end) = (first.saturating_sub(HALO), (first + step + HALO).min(rows));
+            let (start, end) = (first.saturating_sub(halo), (first + step + halo).min(rows));
             let inputs = inputs(isa, frame, guides, start..end);
             self.first.run(isa, &inputs, &mut hidden, Epilogue { relu_output: true, ..Default::default() });
             self.second.run(isa, &hidden, &mut out, Epilogue::default());
-            self.block.run(isa, &mut out, &mut hidden);
+            self.blocks.iter().for_each(|block| block.run(isa, &mut out, &mut hidden));
             features.put(&out, first - start, step.min(rows - first), first);
         }
         features

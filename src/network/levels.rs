@@ -142,15 +142,16 @@ fn coarse_row_body<L: Lanes>(
     for x in (0..features.columns()).step_by(SEGMENT) {
         head.predict(l, features, levels.neighbours, levels.tile.region, y, x, &mut logits);
         let centre = &logits.centre;
-        let mut taps = vec![Taps { image: &level.centre, phases: 1, offsets: &reach.centre, logits: centre, pitch: 0 }];
+        let own = Taps { image: &level.centre, phases: 1, offsets: &reach.centre, logits: centre, pitch: 0, queries: None };
+        let mut taps = vec![Taps { queries: Some(&centre[head.queries * SEGMENT..]), ..own }];
         if let Some(image) = coarser {
             let logits = &centre[levels.predictor.taps.centre * SEGMENT..];
-            taps.push(Taps { image, phases: 1, offsets: &reach.coarse, logits, pitch: 0 });
+            taps.push(Taps { image, offsets: &reach.coarse, logits, ..own });
         }
         for ((image, offsets), logits) in level.neighbours.iter().zip(&reach.neighbours).zip(&logits.pairs) {
-            taps.push(Taps { image, phases: 1, offsets, logits, pitch: 0 });
+            taps.push(Taps { image, offsets, logits, queries: Some(&logits[head.pair_queries * SEGMENT..]), ..own });
         }
-        apply(l, &taps, levels.channels.mask(), 0..values, y, x, &mut weights, &mut values_of);
+        apply(l, &taps, &levels.channels, 0..values, y, x, &mut weights, &mut values_of);
         for (channel, from) in values_of.chunks_exact(SEGMENT).enumerate() {
             line[channel * stride + x..][..SEGMENT].copy_from_slice(from);
         }
@@ -194,23 +195,26 @@ fn full_row_body<L: Lanes>(
     let mut line = vec![0.0; values * FULL_PHASES * SEGMENT];
     let (image, phases) = (&level.centre, FULL_PHASES);
     for x in (first..first + core.columns).step_by(SEGMENT) {
-        levels.predictor.full.predict(l, &levels.features[0], levels.neighbours, region, y, x, &mut logits);
+        let head = &levels.predictor.full;
+        head.predict(l, &levels.features[0], levels.neighbours, region, y, x, &mut logits);
         let coarse = &logits.centre[counts.centre * SEGMENT..];
         let of_albedo = &coarse[counts.coarse * SEGMENT..];
-        let mut taps = vec![Taps { image, phases, offsets: &reach.centre, logits: &logits.centre, pitch }];
-        let mut albedo_taps = vec![Taps { image, phases, offsets: &albedo.centre, logits: of_albedo, pitch }];
+        let own = Taps { image, phases, offsets: &reach.centre, logits: &logits.centre, pitch, queries: None };
+        let mut taps = vec![Taps { queries: Some(&logits.centre[head.queries * SEGMENT..]), ..own }];
+        let mut albedo_taps = vec![Taps { offsets: &albedo.centre, logits: of_albedo, ..own }];
         for (n, (image, logits)) in level.neighbours.iter().zip(&logits.pairs).enumerate() {
-            taps.push(Taps { image, phases, offsets: &reach.neighbours[n], logits, pitch: pair_pitch });
+            let near = Taps { image, offsets: &reach.neighbours[n], logits, pitch: pair_pitch, ..own };
+            taps.push(Taps { queries: Some(&logits[head.pair_queries * SEGMENT..]), ..near });
             let logits = &logits[counts.neighbour * SEGMENT..];
-            albedo_taps.push(Taps { image, phases, offsets: &albedo.neighbours[n], logits, pitch: pair_pitch });
+            albedo_taps.push(Taps { offsets: &albedo.neighbours[n], logits, ..near });
         }
         if let Some(image) = half {
-            taps.push(Taps { image, phases: 1, offsets: &reach.coarse, logits: coarse, pitch });
+            taps.push(Taps { image, phases: 1, offsets: &reach.coarse, logits: coarse, ..own });
         }
         let albedo_channels = channels.modulation()..channels.modulation() + 3;
-        apply(l, &albedo_taps, channels.mask(), albedo_channels, y, x, &mut weights, &mut modulation);
+        apply(l, &albedo_taps, &channels, albedo_channels, y, x, &mut weights, &mut modulation);
         own_where_zero(&mut modulation, image, channels.modulation(), y, x);
-        apply(l, &taps, channels.mask(), 0..values, y, x, &mut weights, &mut line);
+        apply(l, &taps, &channels, 0..values, y, x, &mut weights, &mut line);
         for (channel, line) in line.chunks_exact_mut(FULL_PHASES * SEGMENT).enumerate() {
             let Some(c) = channels.modulated_by(channel) else { continue };
             let modulation = &modulation[c * FULL_PHASES * SEGMENT..][..FULL_PHASES * SEGMENT];
@@ -249,22 +253,21 @@ dispatch! {
     fn full_row(levels: &Levels, half: Option<&Planes>, reach: &Reach, albedo: &Reach, y: usize, out: &mut [f32]) = full_row_body
 }
 
-/// The images of a region at the `levels` finest levels.
-pub fn pyramid_of(centre: Planes, neighbours: Vec<Planes>, channels: &Channels, margins: Margins, levels: usize) -> Pyramid {
-    let full = Level { centre, neighbours };
+/// The images of a region at the `levels` finest levels. `exposure` is the centre frame's.
+pub fn pyramid_of(isa: Isa, full: Level, channels: &Channels, margins: Margins, (levels, exposure): (usize, f32)) -> Pyramid {
     let mut coarse: Vec<Level> = Vec::new();
     for _ in 1..levels {
         let (finer, down) =
             coarse.last().map_or((&full, pyramid::down_from_full as Down), |level| (level, pyramid::down as Down));
         coarse.push(Level {
-            centre: down(&finer.centre, channels, margins.coarse),
-            neighbours: finer.neighbours.iter().map(|n| down(n, channels, margins.coarse)).collect(),
+            centre: down(isa, &finer.centre, channels, margins.coarse, exposure),
+            neighbours: finer.neighbours.iter().map(|n| down(isa, n, channels, margins.coarse, exposure)).collect(),
         });
     }
     Pyramid { full, coarse }
 }
 
-type Down = fn(&Planes, &Channels, usize) -> Planes;
+type Down = fn(Isa, &Planes, &Channels, usize, f32) -> Planes;
 
 /// Half-resolution pixels around a core whose logits and pixels the kernels of a pyramid of `levels` levels reach.
 pub fn kernel_reach(widths: [usize; 4], levels: usize) -> usize {

@@ -2,15 +2,23 @@
 //!
 //! Logits live only as long as the segment's kernels are applied; a whole frame of them never exists.
 
+use std::ops::Range;
+
+use ndarray::{Array1, Array4, ArrayView1, Axis, concatenate, s};
+
 use super::pairs::{Neighbour, Row, gather_at, segment_of};
 use super::temporal::dense;
 use super::warp::EXTRAS;
 use super::weights::Weights;
 use crate::error::Result;
+use crate::kernels::FULL_PHASES;
 use crate::plan::tiles::Rect;
 use crate::simd::Activation;
 use crate::simd::dense::{Dense, SEGMENT};
 use crate::simd::lanes::Lanes;
+
+/// Queries of a kernel over one image: what to multiply a tap's key by, and its square (`QUERIES` in `training/model.py`).
+const QUERIES: usize = 2;
 
 /// How many taps each kernel has.
 #[derive(Clone, Copy, Debug)]
@@ -29,6 +37,10 @@ pub struct Head {
     pair_centre: Dense,
     pair_neighbour: Dense,
     pair: Dense,
+    /// The output of `centre` at which the queries begin: two for each phase.
+    pub queries: usize,
+    /// The same of a neighbour's.
+    pub pair_queries: usize,
     /// How often the neighbours' features are halved: 0 at half resolution.
     halvings: usize,
 }
@@ -48,7 +60,8 @@ pub struct Logits {
 
 /// The predictors of the pyramid's levels.
 pub struct Predictor {
-    /// Full resolution: for each of four sub-pixels centre, coarse and albedo taps; per neighbour its taps and its albedo tap.
+    /// Full resolution: for each of four sub-pixels centre, coarse and albedo taps; per neighbour its taps and its albedo tap. Queries
+    /// follow the taps of all sub-pixels.
     pub full: Head,
     /// Half resolution and coarser: centre and coarse taps, the coarsest without these; per neighbour its taps.
     pub coarse: Vec<Head>,
@@ -68,36 +81,65 @@ impl Predictor {
         };
         let (full, half) = (4 * (taps.centre + taps.coarse + taps.albedo), taps.centre + taps.coarse);
         let (pair_full, pair_half) = (4 * (taps.neighbour + 1), taps.neighbour);
-        let part = |key: &str, outputs: usize, inputs: usize, range: std::ops::Range<usize>| -> Result<Dense> {
-            let (w, b) = weights.conv(key, outputs, inputs, 1, true)?;
-            let bias = b.as_ref().map(|b| b.slice(ndarray::s![range.clone()]));
-            Ok(Dense::new(w.slice(ndarray::s![range.clone(), .., 0, 0]), bias))
-        };
-        let head = |at: &str, width: usize, centre: Dense, pair: Dense, halvings: usize| -> Result<Head> {
+        // Rows of a layer, then rows of the layer of its queries, as one.
+        let joined =
+            |key: &str, outputs: usize, rows: Range<usize>, query: (&str, usize, Range<usize>), inputs: usize| -> Result<Dense> {
+                let (w, b) = weights.conv(key, outputs, inputs, 1, true)?;
+                let (query_w, query_b) = weights.conv(query.0, query.1, inputs, 1, true)?;
+                let take = |w: &Array4<f32>, rows: &Range<usize>| w.slice(s![rows.clone(), .., 0, 0]).to_owned();
+                let weight = concatenate![Axis(0), take(&w, &rows), take(&query_w, &query.2)];
+                let bias = |b: &Option<Array1<f32>>, rows: &Range<usize>| {
+                    b.iter().flat_map(|b| b.slice(s![rows.clone()]).to_vec()).collect::<Vec<f32>>()
+                };
+                let bias = [bias(&b, &rows), bias(&query_b, &query.2)].concat();
+                Ok(Dense::new(weight.view(), Some(ArrayView1::from(&bias[..]))))
+            };
+        let head = |at: &str, width: usize, (taps, pair_taps): (Part, Part), halvings: usize| -> Result<Head> {
+            let of = |layer: &str, name: &str, part: &Part, inputs: usize| {
+                joined(layer, part.of, part.taps.clone(), (name, part.queries_of, part.queries.clone()), inputs)
+            };
             Ok(Head {
                 width,
                 features: a.features,
-                centre,
+                centre: of(&format!("head_{at}"), &format!("query_{at}"), &taps, width)?,
                 pair_centre: dense(weights, &format!("pair_{at}_centre"), a.pair, width, true)?,
                 pair_neighbour: dense(weights, &format!("pair_{at}_neighbour"), a.pair, a.features + EXTRAS, false)?,
-                pair,
+                pair: of(&format!("pair_{at}_head"), &format!("pair_{at}_query"), &pair_taps, a.pair)?,
+                queries: taps.taps.len(),
+                pair_queries: pair_taps.taps.len(),
                 halvings,
             })
         };
-        let centre = |range| part("head_half", full + half, a.half, range);
-        let pair = |range| part("pair_half_head", pair_full + pair_half, a.pair, range);
-        let below = |at: &str, width: usize, outputs: usize, halvings: usize| {
-            let centre = dense(weights, &format!("head_{at}"), outputs, width, true)?;
-            head(at, width, centre, dense(weights, &format!("pair_{at}_head"), taps.neighbour, a.pair, true)?, halvings)
+        // One layer predicts the taps of full and half resolution, another their queries.
+        let both = |full: usize, half: usize, taps: Range<usize>, queries: Range<usize>| Part {
+            of: full + half,
+            taps,
+            queries_of: (FULL_PHASES + 1) * QUERIES,
+            queries,
         };
-        let mut coarse = vec![head("half", a.half, centre(full..full + half)?, pair(pair_full..pair_full + pair_half)?, 0)?];
-        let coarsest = |level: usize| if level == a.levels { taps.centre } else { half };
-        coarse.push(below("quarter", a.quarter, coarsest(3), 1)?);
+        let (first, rest) = (0..FULL_PHASES * QUERIES, FULL_PHASES * QUERIES..(FULL_PHASES + 1) * QUERIES);
+        let of_full = (both(full, half, 0..full, first.clone()), both(pair_full, pair_half, 0..pair_full, first));
+        let of_half = (
+            both(full, half, full..full + half, rest.clone()),
+            both(pair_full, pair_half, pair_full..pair_full + pair_half, rest),
+        );
+        let whole = |taps: usize| Part { of: taps, taps: 0..taps, queries_of: QUERIES, queries: 0..QUERIES };
+        let coarsest = |level: usize| whole(if level == a.levels { taps.centre } else { half });
+        let mut coarse = vec![head("half", a.half, of_half, 0)?];
+        coarse.push(head("quarter", a.quarter, (coarsest(3), whole(taps.neighbour)), 1)?);
         if a.levels > 3 {
-            coarse.push(below("eighth", a.eighth, coarsest(4), 2)?);
+            coarse.push(head("eighth", a.eighth, (coarsest(4), whole(taps.neighbour)), 2)?);
         }
-        Ok(Self { full: head("half", a.half, centre(0..full)?, pair(0..pair_full)?, 0)?, coarse, taps })
+        Ok(Self { full: head("half", a.half, of_full, 0)?, coarse, taps })
     }
+}
+
+/// Which of a layer's outputs are a head's taps, and which of another's its queries.
+struct Part {
+    of: usize,
+    taps: Range<usize>,
+    queries_of: usize,
+    queries: Range<usize>,
 }
 
 impl Head {

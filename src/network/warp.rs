@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use crate::frame::packed::{DEPTH, INVALID, MODULATION, PackedFrame};
+use crate::kernels::keys;
 use crate::kernels::planes::Planes;
 use crate::kernels::{Channels, FULL_PHASES};
 use crate::plan::tiles::Rect;
@@ -124,7 +125,7 @@ impl Corners {
 /// Warps the last frame of `frames` (centre first, one a step) to the centre frame over `region`. `offset` is the neighbour's;
 /// `still` says that all their vectors are zero.
 ///
-/// The planes are at full resolution, four phases a channel: values, trust, modulation (see [`Channels`]).
+/// The planes are at full resolution, four phases a channel: values, trust, keys, modulation (see [`Channels`]).
 pub fn warp(
     isa: Isa,
     frames: &[&PackedFrame],
@@ -152,7 +153,7 @@ pub fn warp(
                 let to = &mut extras[x / 2 * EXTRAS..][..EXTRAS];
                 to.iter_mut().zip(from).for_each(|(to, from)| *to += 0.25 * from);
             }
-            for channel in 0..channels.full() {
+            for channel in channels.packed() {
                 let (group, lane) = channels.source(channel);
                 let trust = channel == channels.mask();
                 for dx in 0..2 {
@@ -167,6 +168,7 @@ pub fn warp(
             }
         }
         extras.chunks_exact_mut(EXTRAS).for_each(|e| e[EXTRAS - 1] = distance);
+        keys::fill(isa, &mut row, channels, FULL_PHASES, frames[0].exposure);
     });
     let trusted = extras.as_slice().par_chunks(EXTRAS).any(|e| e[0] > 0.0);
     (planes, Warped { corners, extras, still, trusted })
@@ -247,10 +249,10 @@ dispatch! {
 }
 
 /// The centre frame's own planes over a region, in the layout of [`warp`]'s planes.
-pub fn centre_planes(frame: &PackedFrame, region: Rect, channels: &Channels, margin: usize) -> Planes {
+pub fn centre_planes(isa: Isa, frame: &PackedFrame, region: Rect, channels: &Channels, margin: usize) -> Planes {
     let mut planes = Planes::new(channels.full() * FULL_PHASES, region.rows, region.columns, margin);
     planes.rows_mut().enumerate().for_each(|(y, mut row)| {
-        for channel in 0..channels.full() {
+        for channel in channels.packed() {
             let (group, lane) = channels.source(channel);
             let mask = channel == channels.mask();
             for phase in 0..FULL_PHASES {
@@ -260,6 +262,7 @@ pub fn centre_planes(frame: &PackedFrame, region: Rect, channels: &Channels, mar
                 to.iter_mut().zip(from).for_each(|(to, p)| *to = if mask { 1.0 - p[INVALID] } else { p[lane] });
             }
         }
+        keys::fill(isa, &mut row, channels, FULL_PHASES, frame.exposure);
     });
     planes
 }

@@ -9,10 +9,12 @@ use serde::{Deserialize, Serialize};
 
 use super::renderers;
 use crate::error::{Error, Result};
-use crate::simd::Conv;
+use crate::simd::{Conv, Winograd};
 
 /// The weights file that this build carries.
 pub const EMBEDDED: &[u8] = include_bytes!("../../models/hush.safetensors");
+/// The description of architectures that this build reads.
+const VERSION: u32 = 2;
 /// Pyramid levels at most.
 pub const LEVELS: usize = 4;
 /// The header key under which the architecture stands, as JSON.
@@ -24,7 +26,7 @@ const SIZE_LIMIT: u64 = 256 << 20;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Architecture {
-    /// Of this description; this build reads version 1.
+    /// Of this description; this build reads version 2.
     pub version: u32,
     /// Channels of the source encoder's features, at half resolution.
     pub features: usize,
@@ -34,12 +36,16 @@ pub struct Architecture {
     pub quarter: usize,
     /// Channels of the body at eighth resolution.
     pub eighth: usize,
+    /// Residual blocks of the source encoder.
+    pub blocks_encoder: usize,
     /// Residual blocks on the way down at half resolution.
     pub blocks_half: usize,
     /// Residual blocks on the way down at quarter resolution.
     pub blocks_quarter: usize,
     /// Residual blocks at eighth resolution.
     pub blocks_eighth: usize,
+    /// Residual blocks before the kernel predictors at half resolution.
+    pub blocks_out: usize,
     /// Channels of the kernel predictor's layer for one neighbour.
     pub pair: usize,
     /// Hidden units between λ and the loss specialisation.
@@ -60,8 +66,8 @@ pub struct Architecture {
 
 impl Architecture {
     fn check(&self) -> std::result::Result<(), String> {
-        if self.version != 1 {
-            return Err(format!("architecture version {} is not 1: use a Hush that knows it", self.version));
+        if self.version != VERSION {
+            return Err(format!("architecture version {} is not {VERSION}: use a Hush that knows it", self.version));
         }
         if !(3..=LEVELS).contains(&self.levels) {
             return Err(format!("{} pyramid levels, this build computes 3 or {LEVELS}", self.levels));
@@ -74,10 +80,8 @@ impl Architecture {
         if taps.iter().any(|t| t % 2 == 0 || *t > 9) {
             return Err(format!("kernel widths {taps:?} must be odd, up to 9"));
         }
-        if self.blocks_half + self.blocks_quarter + self.blocks_eighth > 64
-            || self.lambda_hidden == 0
-            || self.lambda_hidden > 1024
-        {
+        let blocks = [self.blocks_encoder, self.blocks_half, self.blocks_quarter, self.blocks_eighth, self.blocks_out];
+        if blocks.iter().any(|count| *count > 16) || self.lambda_hidden == 0 || self.lambda_hidden > 1024 {
             return Err("more layers than any sound model has".into());
         }
         if !(self.albedo_epsilon > 0.0 && self.albedo_epsilon <= 1.0) {
@@ -193,6 +197,12 @@ impl Weights {
         Ok(Conv::new(weight.view(), bias.as_ref().map(|b| b.view()), stride))
     }
 
+    /// A 3×3 convolution with bias, as [`Winograd`].
+    pub fn winograd(&self, key: &str, outputs: usize, inputs: usize) -> Result<Winograd> {
+        let (weight, bias) = self.conv(key, outputs, inputs, 3, true)?;
+        Ok(Winograd::new(weight.view(), bias.unwrap_or_else(|| Array1::zeros(outputs)).view()))
+    }
+
     /// A fully connected layer's weights (outputs, inputs) and bias (outputs).
     pub fn linear(&self, key: &str, outputs: usize, inputs: usize) -> Result<(ndarray::Array2<f32>, Array1<f32>)> {
         let weight = self.take(&format!("{key}.weight"), &[outputs, inputs])?;
@@ -217,7 +227,7 @@ mod tests {
     #[test]
     fn the_embedded_model_loads_and_says_how_it_was_trained() {
         let weights = Weights::embedded().unwrap();
-        assert_eq!(weights.architecture.version, 1);
+        assert_eq!(weights.architecture.version, VERSION);
         assert!(weights.record.contains_key("hush.training"), "{:?}", weights.record);
     }
 

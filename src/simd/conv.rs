@@ -174,7 +174,7 @@ impl Conv {
 }
 
 /// Splits `groups` into blocks of 3 and 2 groups (one block of 1 where there is no other way). `taps` is k · k · ci.
-fn blocks(groups: usize, taps: usize) -> Vec<Block> {
+pub(super) fn blocks(groups: usize, taps: usize) -> Vec<Block> {
     let mut blocks = Vec::new();
     let mut group = 0;
     while group < groups {

@@ -2,7 +2,7 @@
 
 use ndarray::{Array1, Array3, Array4};
 
-use super::{Activation, Conv, Epilogue, Isa, Source};
+use super::{Activation, Conv, Epilogue, Isa, Source, Winograd};
 
 const SIZES: [(usize, usize); 8] = [(1, 1), (1, 9), (9, 1), (2, 2), (5, 7), (3, 26), (11, 25), (10, 128)];
 const CHANNELS: [(usize, usize); 12] =
@@ -78,11 +78,16 @@ impl Case {
     }
 }
 
-fn assert_close(found: &Activation, (value, scale): &(Array3<f64>, Array3<f64>), what: &str) {
+fn assert_close(found: &Activation, reference: &(Array3<f64>, Array3<f64>), what: &str) {
+    assert_within(1e-6, found, reference, what);
+}
+
+/// Errors up to `bound` of the sum of the terms' magnitudes.
+fn assert_within(bound: f64, found: &Activation, (value, scale): &(Array3<f64>, Array3<f64>), what: &str) {
     assert_eq!(found.view().dim(), value.dim(), "{what}");
     for ((at, wanted), found) in value.indexed_iter().zip(found.as_slice()) {
         let error = (f64::from(*found) - wanted).abs();
-        assert!(error <= 1e-6 * scale[at] + 1e-7, "{what} at {at:?}: {found}, not {wanted}");
+        assert!(error <= bound * scale[at] + 1e-7, "{what} at {at:?}: {found}, not {wanted}");
     }
 }
 
@@ -179,17 +184,10 @@ fn a_crop_equals_the_whole() {
         let mut whole = Activation::empty();
         case.conv.run(isa, &input, &mut whole, Epilogue::default());
         for (top, left, rows, columns) in [(3, 5, 9, 31), (0, 77, 20, 13), (7, 100, 3, 50)] {
-            let mut crop = Activation::new(rows, columns, 32);
-            for r in 0..rows {
-                crop.row_mut(r).copy_from_slice(&input.row(top + r)[left * 32..(left + columns) * 32]);
-            }
-            let mut output = Activation::empty();
+            let (crop, mut output) = (crop_of(&input, top, left, rows, columns), Activation::empty());
             case.conv.run(isa, &crop, &mut output, Epilogue::default());
-            for r in 1..rows - 1 {
-                let wanted = &whole.row(top + r)[(left + 1) * 48..(left + columns - 1) * 48];
-                let found = &output.row(r)[48..(columns - 1) * 48];
-                assert!(wanted.iter().zip(found).all(|(a, b)| a.to_bits() == b.to_bits()), "{isa:?} row {r} of {top},{left}");
-            }
+            let wanted = crop_of(&whole, top + 1, left + 1, rows - 2, columns - 2);
+            assert_eq!(bits(&crop_of(&output, 1, 1, rows - 2, columns - 2)), bits(&wanted), "{isa:?} from {top},{left}");
         }
     }
 }
@@ -265,4 +263,68 @@ fn an_empty_image_stays_empty() {
     let mut output = Activation::new(3, 3, 3);
     conv.run(Isa::detect(), &Activation::new(0, 7, 4), &mut output, Epilogue::default());
     assert_eq!(output.shape(), (0, 7, 16));
+}
+
+/// Winograd's convolution on every size, with every flag, on every instruction set; no bit depends on threads or instruction set.
+#[test]
+fn winograd_agrees_with_sums_in_f64() {
+    let mut noise = Noise(6);
+    for (i, (inputs, outputs)) in [(16, 16), (32, 32), (48, 48), (80, 80), (32, 64), (96, 16)].into_iter().enumerate() {
+        let case = Case::new(&mut noise, inputs, outputs, 3, 1);
+        let winograd = Winograd::new(case.weight.view(), case.bias.view());
+        for (rows, columns) in SIZES.into_iter().filter(|(rows, columns)| rows * columns < 300 || inputs < 48) {
+            let (input, residual) = (noise.activation(rows, columns, inputs), noise.activation(rows, columns, outputs));
+            let add = (i % 2 == 0).then_some(&residual);
+            let epilogue = Epilogue { relu_input: i % 3 != 0, relu_output: i % 3 == 2, add };
+            let reference = case.reference(&input, epilogue);
+            let (mut fused, mut output) = (None, Activation::empty());
+            for isa in Isa::available() {
+                let what = format!("{isa:?} {inputs}→{outputs} on {rows}×{columns}");
+                winograd.run(isa, &input, &mut output, epilogue);
+                assert_within(4e-6, &output, &reference, &what);
+                let whole = bits(&output);
+                for threads in [1, 3] {
+                    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+                    pool.install(|| winograd.run(isa, &input, &mut output, epilogue));
+                    assert_eq!(bits(&output), whole, "{what} on {threads} threads");
+                }
+                if isa != Isa::Portable {
+                    assert_eq!(&whole, fused.get_or_insert_with(|| whole.clone()), "{what}");
+                }
+                let mut onto = residual.clone();
+                winograd.run_onto(isa, &input, &mut onto, Epilogue { add: None, ..epilogue });
+                if add.is_some() {
+                    assert_eq!(bits(&onto), whole, "{what}, onto");
+                }
+            }
+        }
+    }
+}
+
+/// A crop from an even corner equals the whole image where its border is out of reach.
+#[test]
+fn a_crop_of_winograds_equals_the_whole() {
+    let mut noise = Noise(7);
+    let case = Case::new(&mut noise, 32, 48, 3, 1);
+    let winograd = Winograd::new(case.weight.view(), case.bias.view());
+    let input = noise.activation(20, 150, 32);
+    for isa in Isa::available() {
+        let mut whole = Activation::empty();
+        winograd.run(isa, &input, &mut whole, Epilogue::default());
+        for (top, left, rows, columns) in [(2, 6, 9, 31), (0, 76, 20, 13), (8, 100, 3, 50)] {
+            let (crop, mut output) = (crop_of(&input, top, left, rows, columns), Activation::empty());
+            winograd.run(isa, &crop, &mut output, Epilogue::default());
+            let wanted = crop_of(&whole, top + 1, left + 1, rows - 2, columns - 2);
+            assert_eq!(bits(&crop_of(&output, 1, 1, rows - 2, columns - 2)), bits(&wanted), "{isa:?} from {top},{left}");
+        }
+    }
+}
+
+fn crop_of(image: &Activation, top: usize, left: usize, rows: usize, columns: usize) -> Activation {
+    let channels = image.channels();
+    let mut crop = Activation::new(rows, columns, channels);
+    for r in 0..rows {
+        crop.row_mut(r).copy_from_slice(&image.row(top + r)[left * channels..(left + columns) * channels]);
+    }
+    crop
 }

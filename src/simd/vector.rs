@@ -18,6 +18,7 @@ pub(super) trait Vector: Copy {
     /// self + a · b, rounded once where the target can.
     unsafe fn fma(self, a: Self, b: Self) -> Self;
     unsafe fn add(self, other: Self) -> Self;
+    unsafe fn sub(self, other: Self) -> Self;
     /// Fetches the cache line of an address that need not be valid.
     unsafe fn prefetch(at: *const f32);
     /// self where it is above zero, else +0 (NaN too).
@@ -78,6 +79,13 @@ impl Vector for Portable {
     unsafe fn add(self, other: Self) -> Self {
         let mut sum = self.0;
         sum.iter_mut().zip(other.0).for_each(|(sum, other)| *sum += other);
+        Self(sum)
+    }
+
+    #[inline(always)]
+    unsafe fn sub(self, other: Self) -> Self {
+        let mut sum = self.0;
+        sum.iter_mut().zip(other.0).for_each(|(sum, other)| *sum -= other);
         Self(sum)
     }
 
@@ -157,6 +165,12 @@ mod x86 {
         }
 
         #[inline(always)]
+        unsafe fn sub(self, other: Self) -> Self {
+            // SAFETY: above.
+            Self(unsafe { _mm512_sub_ps(self.0, other.0) })
+        }
+
+        #[inline(always)]
         unsafe fn prefetch(at: *const f32) {
             // SAFETY: prefetching never faults.
             unsafe { _mm_prefetch::<_MM_HINT_T0>(at.cast()) }
@@ -225,6 +239,12 @@ mod x86 {
         unsafe fn add(self, other: Self) -> Self {
             // SAFETY: above.
             Self(unsafe { _mm256_add_ps(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        unsafe fn sub(self, other: Self) -> Self {
+            // SAFETY: above.
+            Self(unsafe { _mm256_sub_ps(self.0, other.0) })
         }
 
         #[inline(always)]
