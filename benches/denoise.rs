@@ -67,4 +67,10 @@ fn main() {
         cpu * 1e3,
         held >> 20
     );
+    let seconds = engine.stage_seconds();
+    let each = hush::engine::STAGES
+        .iter()
+        .zip(seconds)
+        .map(|(stage, s)| format!("{} {:.0}", stage.name(), s * 1e3 / (frames + 1) as f64));
+    println!("ms a frame: {}", each.collect::<Vec<_>>().join(", "));
 }

@@ -17,6 +17,7 @@ use crate::kernels::planes::Planes;
 use crate::network::body::Body;
 use crate::network::encoder::Encoder;
 use crate::network::features::Features;
+use crate::network::gathered::Gathered;
 use crate::network::levels::{Level, Levels, Margins, Pyramid, kernel_reach, pyramid_of};
 use crate::network::pairs::Neighbour;
 use crate::network::predictor::Predictor;
@@ -33,7 +34,7 @@ use crate::simd::{Activation, Isa, keep_at_most};
 /// What the frames in the window and one tile may take together where nothing is said.
 const MEMORY: u64 = 3200 << 20;
 /// What one tile takes at most and at least, whatever is allowed: a whole 1080p frame with a ±2 window takes about the most.
-const TILE_MEMORY: (u64, u64) = (320 << 20, 1 << 30);
+const TILE_MEMORY: (u64, u64) = (320 << 20, 1200 << 20);
 
 /// What one frame's denoising holds, in bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -337,7 +338,8 @@ impl Engine {
     /// Bytes that one half-resolution pixel of a tile takes.
     fn bytes_per_pixel(&self, channels: &Channels, neighbours: usize) -> usize {
         let images = (1 + neighbours) * (4 * channels.full() + 2 * channels.coarse());
-        4 * (self.channels_per_pixel + images + neighbours * (EXTRAS + 4) + 4 * channels.values)
+        let gathered = neighbours * (self.features + EXTRAS) * 5 / 16;
+        4 * (self.channels_per_pixel + images + neighbours * (EXTRAS + 4) + gathered + 4 * channels.values)
     }
 
     fn tile(&self, plan: &FramePlan, tile: Tile, lambda: f32) -> Stages {
@@ -363,7 +365,11 @@ impl Engine {
         let neighbours: Vec<Neighbour> =
             paths.iter().zip(&warped).map(|(path, warped)| Neighbour { features: &path.neighbour().features, warped }).collect();
         let mut mixed = Activation::empty();
-        self.clock.time(Stage::Temporal, || self.temporal.run(self.isa, &centre.features, &neighbours, region, &mut mixed));
+        let gathered = self.clock.time(Stage::Temporal, || {
+            let quarter = self.temporal.run(self.isa, &centre.features, &neighbours, region, &mut mixed);
+            let eighth = quarter.halved();
+            [quarter, eighth]
+        });
         let features = self.clock.time(Stage::Body, || self.body.run(self.isa, mixed, lambda));
         let levels = Levels {
             isa: self.isa,
@@ -373,12 +379,13 @@ impl Engine {
             pyramid: &pyramid,
             features: &features,
             neighbours: &neighbours,
+            gathered: &gathered,
             tile,
             widths: self.widths,
         };
         let coarse = self.clock.time(Stage::Coarse, || levels.coarse());
         let image = self.clock.time(Stage::Full, || levels.full(coarse.last()));
-        Stages { features, pyramid, coarse, image, used }
+        Stages { features, gathered, pyramid, coarse, image, used }
     }
 
     #[cfg(test)]
@@ -418,6 +425,7 @@ impl FramePlan<'_> {
 struct Stages {
     /// The body's, at half, quarter and eighth resolution.
     features: [Activation; 3],
+    gathered: [Gathered; 2],
     pyramid: Pyramid,
     /// The denoised coarser levels, half resolution last.
     coarse: Vec<Planes>,

@@ -8,7 +8,7 @@ use crate::kernels::weigh::offsets;
 use crate::network::features::Features;
 use crate::network::levels::{Level, Margins};
 use crate::network::logits::RegionLogits;
-use crate::network::pairs::Neighbour;
+use crate::network::pairs::{Neighbour, Pairs};
 use crate::network::predictor::Head;
 use crate::network::warp::{Warped, warp};
 use crate::plan::tiles::{Rect, Tile};
@@ -68,10 +68,11 @@ impl Engine {
                 (path.offset, (&path.neighbour().features, warped))
             })
             .unzip();
-        let pairs: Vec<Neighbour> = seen.iter().map(|(features, warped)| Neighbour { features, warped }).collect();
+        let neighbours: Vec<Neighbour> = seen.iter().map(|(features, warped)| Neighbour { features, warped }).collect();
         let (counts, key) = (self.predictor.taps, plan.channels.key());
-        let logits = |head: &Head, features, level: &Level, phases| {
-            let mut out = RegionLogits::new(self.isa, head, features, &pairs, region);
+        let half = Pairs::Half(&neighbours, region);
+        let logits = |head: &Head, (features, pairs), level: &Level, phases| {
+            let mut out = RegionLogits::new(self.isa, head, features, pairs);
             // At full resolution a sub-pixel's albedo taps, and its coarse ones, lie between its taps and the next one's.
             let (pitch, near_pitch) =
                 if phases == 1 { (0, 0) } else { (counts.centre + counts.coarse + counts.albedo, counts.neighbour + 1) };
@@ -82,10 +83,11 @@ impl Engine {
             out.pairs.iter_mut().zip(&level.neighbours).for_each(|(pair, image)| near.move_by_keys(pair, size, image, key));
             out
         };
-        let coarse = self.predictor.coarse.iter().zip(&stages.features).zip(&stages.pyramid.coarse);
+        let pairs = std::iter::once(half).chain(stages.gathered.iter().map(Pairs::Coarser));
+        let coarse = self.predictor.coarse.iter().zip(stages.features.iter().zip(pairs)).zip(&stages.pyramid.coarse);
         Probe {
-            full: logits(&self.predictor.full, &stages.features[0], &stages.pyramid.full, FULL_PHASES),
-            coarse: coarse.map(|((head, features), level)| logits(head, features, level, 1)).collect(),
+            full: logits(&self.predictor.full, (&stages.features[0], half), &stages.pyramid.full, FULL_PHASES),
+            coarse: coarse.map(|((head, known), level)| logits(head, known, level, 1)).collect(),
             offsets,
         }
     }

@@ -3,7 +3,8 @@
 use ndarray::Array3;
 use rayon::prelude::*;
 
-use super::pairs::Neighbour;
+use super::gathered::Gathered;
+use super::pairs::{Neighbour, Pairs};
 use super::predictor::{Head, Predictor};
 use crate::kernels::planes::Planes;
 use crate::kernels::weigh::{Taps, Weights, apply, offsets};
@@ -51,6 +52,8 @@ pub struct Levels<'a> {
     /// The body's features: half, quarter and eighth resolution.
     pub features: &'a [Activation; 3],
     pub neighbours: &'a [Neighbour<'a>],
+    /// What the neighbours are at quarter and eighth resolution.
+    pub gathered: &'a [Gathered; 2],
     pub tile: Tile,
     /// Kernel widths: centre, neighbour, coarse, albedo.
     pub widths: [usize; 4],
@@ -69,9 +72,18 @@ impl Levels<'_> {
         let mut out: Vec<Planes> = Vec::new();
         for (k, images) in self.pyramid.coarse.iter().enumerate().rev() {
             let coarser = out.last().map(|planes| pyramid::up(planes, self.margins.coarse));
-            out.push(self.coarse_level(&self.predictor.coarse[k], &self.features[k], images, coarser.as_ref()));
+            let pairs = self.pairs(k);
+            out.push(self.coarse_level(&self.predictor.coarse[k], (&self.features[k], pairs), images, coarser.as_ref()));
         }
         out
+    }
+
+    /// The neighbours at a resolution below the full one, half the first.
+    fn pairs(&self, level: usize) -> Pairs<'_> {
+        match level.checked_sub(1) {
+            None => Pairs::Half(self.neighbours, self.tile.region),
+            Some(coarser) => Pairs::Coarser(&self.gathered[coarser]),
+        }
     }
 
     /// Distances for kernels of `centre` and `neighbour` taps, and to the coarser image, whose pixels are `step` apart.
@@ -86,12 +98,12 @@ impl Levels<'_> {
 
     /// A level below full resolution: values and mask over the whole region, zero outside it. What holds no usable pixel itself is
     /// usable where any of its taps was: that fills holes from afar.
-    fn coarse_level(&self, head: &Head, features: &Activation, level: &Level, coarser: Option<&Planes>) -> Planes {
+    fn coarse_level(&self, head: &Head, known: (&Activation, Pairs), level: &Level, coarser: Option<&Planes>) -> Planes {
         let reach = self.reach(level, 1, self.widths[0], self.widths[1], coarser.map(|c| (c, 2)));
         let mut out = Planes::new(self.channels.coarse(), level.centre.rows(), level.centre.columns(), self.margins.coarse);
         out.rows_mut().enumerate().for_each(|(y, mut row)| {
-            let mut line = vec![0.0; self.channels.coarse() * features.columns().next_multiple_of(SEGMENT)];
-            coarse_row(self.isa, self, head, features, level, coarser, &reach, y, &mut line);
+            let mut line = vec![0.0; self.channels.coarse() * known.0.columns().next_multiple_of(SEGMENT)];
+            coarse_row(self.isa, self, head, known, level, coarser, &reach, y, &mut line);
             let stride = line.len() / self.channels.coarse();
             for (channel, from) in line.chunks_exact(stride).enumerate() {
                 let to = row.plane(channel);
@@ -127,7 +139,7 @@ fn coarse_row_body<L: Lanes>(
     l: L,
     levels: &Levels,
     head: &Head,
-    features: &Activation,
+    (features, pairs): (&Activation, Pairs),
     level: &Level,
     coarser: Option<&Planes>,
     reach: &Reach,
@@ -140,7 +152,7 @@ fn coarse_row_body<L: Lanes>(
     let mut weights = Weights::default();
     let mut values_of = vec![0.0; values * SEGMENT];
     for x in (0..features.columns()).step_by(SEGMENT) {
-        head.predict(l, features, levels.neighbours, levels.tile.region, y, x, &mut logits);
+        head.predict(l, features, pairs, y, x, &mut logits);
         let centre = &logits.centre;
         let own = Taps { image: &level.centre, phases: 1, offsets: &reach.centre, logits: centre, pitch: 0, queries: None };
         let mut taps = vec![Taps { queries: Some(&centre[head.queries * SEGMENT..]), ..own }];
@@ -164,7 +176,7 @@ dispatch! {
     fn coarse_row(
         levels: &Levels,
         head: &Head,
-        features: &Activation,
+        known: (&Activation, Pairs),
         level: &Level,
         coarser: Option<&Planes>,
         reach: &Reach,
@@ -196,7 +208,7 @@ fn full_row_body<L: Lanes>(
     let (image, phases) = (&level.centre, FULL_PHASES);
     for x in (first..first + core.columns).step_by(SEGMENT) {
         let head = &levels.predictor.full;
-        head.predict(l, &levels.features[0], levels.neighbours, region, y, x, &mut logits);
+        head.predict(l, &levels.features[0], levels.pairs(0), y, x, &mut logits);
         let coarse = &logits.centre[counts.centre * SEGMENT..];
         let of_albedo = &coarse[counts.coarse * SEGMENT..];
         let own = Taps { image, phases, offsets: &reach.centre, logits: &logits.centre, pitch, queries: None };

@@ -1,8 +1,7 @@
 //! All logits of a region at once, for comparisons: a run holds no more than a segment of them.
 
-use super::pairs::Neighbour;
+use super::pairs::Pairs;
 use super::predictor::Head;
-use crate::plan::tiles::Rect;
 use crate::simd::dense::SEGMENT;
 use crate::simd::lanes::{Lanes, dispatch};
 use crate::simd::{Activation, Isa};
@@ -19,14 +18,14 @@ pub(crate) struct RegionLogits {
 
 impl RegionLogits {
     /// What `head` predicts over a region, from the body's features over it.
-    pub fn new(isa: Isa, head: &Head, features: &Activation, neighbours: &[Neighbour], region: Rect) -> Self {
+    pub fn new(isa: Isa, head: &Head, features: &Activation, pairs: Pairs) -> Self {
         let (rows, columns) = (features.rows(), features.columns());
-        let buffers = head.buffers(neighbours.len());
+        let buffers = head.buffers(pairs.len());
         let room = |len: usize| vec![0.0; len / SEGMENT * rows * columns];
-        let pairs = buffers.pairs.iter().map(|p| room(p.len())).collect();
-        let mut out = Self { rows, columns, centre: room(buffers.centre.len()), pairs };
+        let of_pairs = buffers.pairs.iter().map(|p| room(p.len())).collect();
+        let mut out = Self { rows, columns, centre: room(buffers.centre.len()), pairs: of_pairs };
         for y in 0..rows {
-            logits_row(isa, head, features, neighbours, region, y, &mut out);
+            logits_row(isa, head, features, pairs, y, &mut out);
         }
         out
     }
@@ -47,23 +46,15 @@ impl RegionLogits {
 }
 
 #[inline(always)]
-fn logits_row_body<L: Lanes>(
-    l: L,
-    head: &Head,
-    features: &Activation,
-    neighbours: &[Neighbour],
-    region: Rect,
-    y: usize,
-    out: &mut RegionLogits,
-) {
-    let mut logits = head.buffers(neighbours.len());
+fn logits_row_body<L: Lanes>(l: L, head: &Head, features: &Activation, pairs: Pairs, y: usize, out: &mut RegionLogits) {
+    let mut logits = head.buffers(pairs.len());
     for x in (0..features.columns()).step_by(SEGMENT) {
-        head.predict(l, features, neighbours, region, y, x, &mut logits);
+        head.predict(l, features, pairs, y, x, &mut logits);
         out.put(x, y, &logits.centre, None);
         logits.pairs.iter().enumerate().for_each(|(n, pair)| out.put(x, y, pair, Some(n)));
     }
 }
 
 dispatch! {
-    fn logits_row(head: &Head, features: &Activation, neighbours: &[Neighbour], region: Rect, y: usize, out: &mut RegionLogits) = logits_row_body
+    fn logits_row(head: &Head, features: &Activation, pairs: Pairs, y: usize, out: &mut RegionLogits) = logits_row_body
 }

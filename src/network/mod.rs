@@ -3,6 +3,7 @@
 pub mod body;
 pub mod encoder;
 pub mod features;
+pub mod gathered;
 pub mod levels;
 pub(crate) mod logits;
 pub mod pairs;

@@ -1,6 +1,7 @@
 //! What the network knows of a neighbour at a pixel: its features warped to the centre frame, and the extras.
 
 use super::features::{Channels16, Features, Stored};
+use super::gathered::Gathered;
 use super::warp::{Corners, EXTRAS, Warped};
 use crate::plan::tiles::Rect;
 use crate::simd::dense::SEGMENT;
@@ -12,6 +13,28 @@ pub struct Neighbour<'a> {
     /// The neighbour's features over its whole frame.
     pub features: &'a Features,
     pub warped: &'a Warped,
+}
+
+/// The neighbours as the kernel predictor of a resolution finds them.
+#[derive(Clone, Copy)]
+pub enum Pairs<'a> {
+    /// At half resolution in a region: gathered as they are needed.
+    Half(&'a [Neighbour<'a>], Rect),
+    /// At a coarser one.
+    Coarser(&'a Gathered),
+}
+
+impl Pairs<'_> {
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Half(neighbours, _) => neighbours.len(),
+            Self::Coarser(gathered) => gathered.neighbours(),
+        }
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
 }
 
 /// Copies 32 pixels of a row to [channel][32]; pixels past the row's end repeat its last. ReLU where asked.
@@ -115,51 +138,4 @@ fn gather_from<L: Lanes, S: Channels16>(
         }
     }
     extras_of(neighbour, region, y, x, out);
-}
-
-/// [features + EXTRAS][32] at row `y`, columns `x`… of half, quarter or eighth resolution: [`gather`], halved 0 to 2 times by 2×2
-/// means. `scratch` takes four times the size of `out` for each halving.
-#[inline(always)]
-pub fn gather_at<L: Lanes>(
-    l: L,
-    halvings: usize,
-    neighbour: Neighbour,
-    region: Rect,
-    (y, x): (usize, usize),
-    scratch: &mut [f32],
-    out: &mut [f32],
-) {
-    match halvings {
-        0 => gather(l, neighbour, region, y, x, out),
-        1 => gather_quarter(l, neighbour, region, y, x, scratch, out),
-        _ => {
-            let size = out.len();
-            let (parts, inner) = scratch.split_at_mut(4 * size);
-            for (i, part) in parts.chunks_exact_mut(size).enumerate() {
-                gather_quarter(l, neighbour, region, 2 * y + i / 2, 2 * x + i % 2 * SEGMENT, inner, part);
-            }
-            halve(parts, out);
-        }
-    }
-}
-
-/// [features + EXTRAS][32] at quarter resolution: 2×2 means of [`gather`].
-#[inline(always)]
-fn gather_quarter<L: Lanes>(l: L, neighbour: Neighbour, region: Rect, y: usize, x: usize, scratch: &mut [f32], out: &mut [f32]) {
-    let size = out.len();
-    for (i, part) in scratch[..4 * size].chunks_exact_mut(size).enumerate() {
-        gather(l, neighbour, region, 2 * y + i / 2, 2 * x + i % 2 * SEGMENT, part);
-    }
-    halve(scratch, out);
-}
-
-/// 2×2 means of four segments, two above and two below: each as large as `out`.
-#[inline(always)]
-fn halve(parts: &[f32], out: &mut [f32]) {
-    let size = out.len();
-    for (i, to) in out.iter_mut().enumerate() {
-        let (c, p) = (i / SEGMENT, i % SEGMENT);
-        let at = p / 16 * size + c * SEGMENT + 2 * (p % 16);
-        *to = 0.25 * (parts[at] + parts[at + 1] + parts[at + 2 * size] + parts[at + 2 * size + 1]);
-    }
 }

@@ -6,13 +6,12 @@ use std::ops::Range;
 
 use ndarray::{Array1, Array4, ArrayView1, Axis, concatenate, s};
 
-use super::pairs::{Neighbour, Row, gather_at, segment_of};
+use super::pairs::{Pairs, Row, gather, segment_of};
 use super::temporal::dense;
 use super::warp::EXTRAS;
 use super::weights::Weights;
 use crate::error::Result;
 use crate::kernels::FULL_PHASES;
-use crate::plan::tiles::Rect;
 use crate::simd::Activation;
 use crate::simd::dense::{Dense, SEGMENT};
 use crate::simd::lanes::Lanes;
@@ -41,8 +40,6 @@ pub struct Head {
     pub queries: usize,
     /// The same of a neighbour's.
     pub pair_queries: usize,
-    /// How often the neighbours' features are halved: 0 at half resolution.
-    halvings: usize,
 }
 
 /// Buffers of one thread, reused from segment to segment.
@@ -55,7 +52,6 @@ pub struct Logits {
     base: Vec<f32>,
     hidden: Vec<f32>,
     joined: Vec<f32>,
-    scratch: Vec<f32>,
 }
 
 /// The predictors of the pyramid's levels.
@@ -94,7 +90,7 @@ impl Predictor {
                 let bias = [bias(&b, &rows), bias(&query_b, &query.2)].concat();
                 Ok(Dense::new(weight.view(), Some(ArrayView1::from(&bias[..]))))
             };
-        let head = |at: &str, width: usize, (taps, pair_taps): (Part, Part), halvings: usize| -> Result<Head> {
+        let head = |at: &str, width: usize, (taps, pair_taps): (Part, Part)| -> Result<Head> {
             let of = |layer: &str, name: &str, part: &Part, inputs: usize| {
                 joined(layer, part.of, part.taps.clone(), (name, part.queries_of, part.queries.clone()), inputs)
             };
@@ -107,7 +103,6 @@ impl Predictor {
                 pair: of(&format!("pair_{at}_head"), &format!("pair_{at}_query"), &pair_taps, a.pair)?,
                 queries: taps.taps.len(),
                 pair_queries: pair_taps.taps.len(),
-                halvings,
             })
         };
         // One layer predicts the taps of full and half resolution, another their queries.
@@ -125,12 +120,12 @@ impl Predictor {
         );
         let whole = |taps: usize| Part { of: taps, taps: 0..taps, queries_of: QUERIES, queries: 0..QUERIES };
         let coarsest = |level: usize| whole(if level == a.levels { taps.centre } else { half });
-        let mut coarse = vec![head("half", a.half, of_half, 0)?];
-        coarse.push(head("quarter", a.quarter, (coarsest(3), whole(taps.neighbour)), 1)?);
+        let mut coarse = vec![head("half", a.half, of_half)?];
+        coarse.push(head("quarter", a.quarter, (coarsest(3), whole(taps.neighbour)))?);
         if a.levels > 3 {
-            coarse.push(head("eighth", a.eighth, (coarsest(4), whole(taps.neighbour)), 2)?);
+            coarse.push(head("eighth", a.eighth, (coarsest(4), whole(taps.neighbour)))?);
         }
-        Ok(Self { full: head("half", a.half, of_full, 0)?, coarse, taps })
+        Ok(Self { full: head("half", a.half, of_full)?, coarse, taps })
     }
 }
 
@@ -153,33 +148,29 @@ impl Head {
             base: vec![0.0; self.pair_centre.output_len()],
             hidden: vec![0.0; self.pair_neighbour.output_len()],
             joined: vec![0.0; pair],
-            scratch: vec![0.0; 4 * pair * self.halvings],
         }
     }
 
-    /// Logits of the segment at row `y`, columns `x`… of the head's resolution; `features` covers the region.
+    /// Logits of the segment at row `y`, columns `x`… of the head's resolution; `features` and `pairs` cover the region.
     #[inline(always)]
     #[allow(clippy::too_many_arguments)]
-    pub fn predict<L: Lanes>(
-        &self,
-        l: L,
-        features: &Activation,
-        neighbours: &[Neighbour],
-        region: Rect,
-        y: usize,
-        x: usize,
-        out: &mut Logits,
-    ) {
+    pub fn predict<L: Lanes>(&self, l: L, features: &Activation, pairs: Pairs, y: usize, x: usize, out: &mut Logits) {
         let row = Row { values: features.row(y), start: 0, columns: features.columns() };
         segment_of(l, row, self.width, x, true, &mut out.x);
         self.centre.run(l, &out.x, None, false, &mut out.centre);
-        if neighbours.is_empty() {
+        if pairs.is_empty() {
             return;
         }
         self.pair_centre.run(l, &out.x, None, false, &mut out.base);
-        for (neighbour, logits) in neighbours.iter().zip(&mut out.pairs) {
-            gather_at(l, self.halvings, *neighbour, region, (y, x), &mut out.scratch, &mut out.joined);
-            self.pair_neighbour.run(l, &out.joined, Some(&out.base), true, &mut out.hidden);
+        for (n, logits) in out.pairs.iter_mut().enumerate() {
+            let joined = match pairs {
+                Pairs::Half(neighbours, region) => {
+                    gather(l, neighbours[n], region, y, x, &mut out.joined);
+                    &out.joined
+                }
+                Pairs::Coarser(gathered) => gathered.segment(y, x, n),
+            };
+            self.pair_neighbour.run(l, joined, Some(&out.base), true, &mut out.hidden);
             self.pair.run(l, &out.hidden, None, false, logits);
         }
     }

@@ -5,6 +5,7 @@
 use rayon::prelude::*;
 
 use super::features::Features;
+use super::gathered::{Gathered, halve};
 use super::pairs::{Neighbour, features_of, gather};
 use super::warp::EXTRAS;
 use super::weights::Weights;
@@ -42,17 +43,26 @@ impl Temporal {
         })
     }
 
-    /// The body's input over `region`, from the centre's features over the whole frame.
-    pub fn run(&self, isa: Isa, centre: &Features, neighbours: &[Neighbour], region: Rect, out: &mut Activation) {
+    /// The body's input over `region`, of even size, from the centre's features over the whole frame; and what the neighbours are at
+    /// quarter resolution.
+    pub fn run(&self, isa: Isa, centre: &Features, neighbours: &[Neighbour], region: Rect, out: &mut Activation) -> Gathered {
         out.reset(region.rows, region.columns, self.width);
-        out.as_mut_slice().par_chunks_mut(region.columns * self.width).enumerate().for_each(|(y, row)| {
-            temporal_row(isa, self, centre, neighbours, region, y, row);
-        });
+        let mut quarter = Gathered::new(region.rows / 2, region.columns / 2, neighbours.len(), self.features);
+        let rows = out.as_mut_slice().par_chunks_mut(2 * region.columns * self.width).enumerate();
+        if neighbours.is_empty() {
+            rows.for_each(|(y, rows)| temporal_rows(isa, self, centre, neighbours, region, y, rows, &mut []));
+        } else {
+            rows.zip(quarter.rows_mut())
+                .for_each(|((y, rows), quarter)| temporal_rows(isa, self, centre, neighbours, region, y, rows, quarter));
+        }
+        quarter
     }
 }
 
+/// Two rows of the region, 2·`y` and the next, and row `y` of the neighbours at quarter resolution.
 #[inline(always)]
-fn row_body<L: Lanes>(
+#[allow(clippy::too_many_arguments)]
+fn rows_body<L: Lanes>(
     l: L,
     layers: &Temporal,
     centre: &Features,
@@ -60,50 +70,74 @@ fn row_body<L: Lanes>(
     region: Rect,
     y: usize,
     out: &mut [f32],
+    quarter: &mut [f32],
 ) {
     let (features, width) = (layers.features, layers.width);
+    let size = (features + EXTRAS) * SEGMENT;
     let mut joined = vec![0.0; (features + width) * SEGMENT];
-    let mut pair = vec![0.0; (features + EXTRAS) * SEGMENT];
+    let mut pairs = vec![0.0; 2 * neighbours.len() * size];
     let mut base = vec![0.0; layers.centre.output_len()];
     let mut each = vec![0.0; layers.neighbour.output_len()];
     let mut mixed = vec![0.0; layers.mix.output_len()];
     for x in (0..region.columns).step_by(SEGMENT) {
-        features_of(l, centre, region, y, x, &mut joined);
-        layers.centre.run(l, &joined, None, false, &mut base);
-        joined[features * SEGMENT..].fill(0.0);
-        let mut trust = [1.0f32; SEGMENT];
-        for neighbour in neighbours {
-            gather(l, *neighbour, region, y, x, &mut pair);
-            layers.neighbour.run(l, &pair, Some(&base), true, &mut each);
-            let share = &pair[features * SEGMENT..][..SEGMENT];
-            for (sum, value) in joined[features * SEGMENT..].chunks_exact_mut(SEGMENT).zip(each.chunks_exact(SEGMENT)) {
+        for (dy, out) in out.chunks_exact_mut(region.columns * width).enumerate() {
+            features_of(l, centre, region, 2 * y + dy, x, &mut joined);
+            layers.centre.run(l, &joined, None, false, &mut base);
+            joined[features * SEGMENT..].fill(0.0);
+            let mut trust = [1.0f32; SEGMENT];
+            for (n, neighbour) in neighbours.iter().enumerate() {
+                let pair = &mut pairs[(2 * n + dy) * size..][..size];
+                gather(l, *neighbour, region, 2 * y + dy, x, pair);
+                layers.neighbour.run(l, pair, Some(&base), true, &mut each);
+                let share = &pair[features * SEGMENT..][..SEGMENT];
+                for (sum, value) in joined[features * SEGMENT..].chunks_exact_mut(SEGMENT).zip(each.chunks_exact(SEGMENT)) {
+                    for p in 0..SEGMENT {
+                        sum[p] += share[p] * value[p];
+                    }
+                }
+                trust.iter_mut().zip(share).for_each(|(sum, v)| *sum += v);
+            }
+            for sum in joined[features * SEGMENT..].chunks_exact_mut(SEGMENT) {
                 for p in 0..SEGMENT {
-                    sum[p] += share[p] * value[p];
+                    sum[p] /= trust[p];
                 }
             }
-            trust.iter_mut().zip(share).for_each(|(sum, v)| *sum += v);
+            layers.mix.run(l, &joined, None, false, &mut mixed);
+            put(l, &mixed, width, x, region.columns, out);
         }
-        for sum in joined[features * SEGMENT..].chunks_exact_mut(SEGMENT) {
-            for p in 0..SEGMENT {
-                sum[p] /= trust[p];
+        for n in 0..neighbours.len() {
+            let (upper, lower) = pairs[2 * n * size..][..2 * size].split_at(size);
+            let to = &mut quarter[(x / 2 / SEGMENT * neighbours.len() + n) * size..][..size];
+            halve([upper, lower], x / SEGMENT % 2, to);
+        }
+    }
+}
+
+/// Writes a segment's [channel][32] to a row of (columns, width), as far as the row goes.
+#[inline(always)]
+fn put<L: Lanes>(l: L, mixed: &[f32], width: usize, x: usize, columns: usize, out: &mut [f32]) {
+    for part in (0..SEGMENT).step_by(16) {
+        for first in (0..width).step_by(16) {
+            let mut block = [l.splat(0.0); 16];
+            for (c, channel) in block.iter_mut().enumerate() {
+                *channel = l.load(mixed, (first + c) * SEGMENT + part);
             }
-        }
-        layers.mix.run(l, &joined, None, false, &mut mixed);
-        for part in (0..SEGMENT).step_by(16) {
-            for first in (0..width).step_by(16) {
-                let mut block = [l.splat(0.0); 16];
-                for (c, channel) in block.iter_mut().enumerate() {
-                    *channel = l.load(&mixed, (first + c) * SEGMENT + part);
-                }
-                let inside = region.columns.saturating_sub(x + part);
-                for (p, pixel) in l.transpose(block).into_iter().enumerate().take(inside) {
-                    l.store(pixel, out, (x + part + p) * width + first);
-                }
+            let inside = columns.saturating_sub(x + part);
+            for (p, pixel) in l.transpose(block).into_iter().enumerate().take(inside) {
+                l.store(pixel, out, (x + part + p) * width + first);
             }
         }
     }
 }
 
 dispatch! {
-    fn temporal_row(layers: &Temporal, centre: &Features, neighbours: &[Neighbour], region: Rect, y: usize, out: &mut [f32]) = row_body
+    fn temporal_rows(
+        layers: &Temporal,
+        centre: &Features,
+        neighbours: &[Neighbour],
+        region: Rect,
+        y: usize,
+        out: &mut [f32],
+        quarter: &mut [f32],
+    ) = rows_body
 }
