@@ -20,6 +20,7 @@ from typing import Any
 
 import benchmark_lambda
 import benchmark_tables as tables
+import benchmark_unbiased
 import numpy as np
 import oidn
 from benchmark_frames import SHOTS, SPP, Take, frame, numbers, passes, takes, write_beauty
@@ -68,12 +69,12 @@ def run_oidn(take: Take, device: Any) -> dict[str, Path]:  # noqa: ANN401
     return found
 
 
-def measure(take: Take, hush: Hush, device: Any, out: Path) -> dict[str, dict[str, float | None]]:  # noqa: ANN401
-    """Scores of every method on a take."""
+def run_all(take: Take, hush: Hush, device: Any, out: Path) -> dict[str, Path]:  # noqa: ANN401
+    """Every method's frames of a take."""
     folders = {"noisy": take.noisy, **run_oidn(take, device)}
     for window in WINDOWS:
         folders[f"window{window}"] = hush.denoise(take, out / take.shot / f"{take.spp}spp-window{window}", window)
-    return {method: hush.scores(take, folder) for method, folder in folders.items()}
+    return folders
 
 
 def reference_noise(measured: list[Take], hush: Hush) -> str:
@@ -121,9 +122,11 @@ def main() -> None:
         name, kept = "lambda", [vars(point) for point in curves]
     else:
         with oidn.device(chosen.threads) as device:
-            results = {(take.shot, take.spp): measure(take, hush, device, out) for take in measured}
+            made = [(take, run_all(take, hush, device, out)) for take in measured]
+        results = {(take.shot, take.spp): {m: hush.scores(take, folder) for m, folder in folders.items()} for take, folders in made}
         coverage = {take.shot: len(numbers(take.reference)) for take in measured}
-        text = "\n\n".join(part for part in (tables.report(results, coverage), reference_noise(measured, hush)) if part)
+        parts = (tables.report(results, coverage), reference_noise(measured, hush), benchmark_unbiased.report(made))
+        text = "\n\n".join(part for part in parts if part)
         name, kept = "benchmark", [{"shot": shot, "spp": spp, **scores} for (shot, spp), scores in results.items()]
     (out / f"{name}.json").write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
     (out / f"{name}.md").write_text(text + "\n", encoding="utf-8")

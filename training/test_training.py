@@ -5,8 +5,10 @@ from __future__ import annotations
 import random
 
 import fused
+import numpy as np
 import pytest
 import torch
+from benchmark_unbiased import relmse
 from data import OFFSETS, Shot, frames, oriented, prepare, view
 from loss import flicker
 from model import Architecture, Hush, kernel_average
@@ -81,6 +83,17 @@ def test_a_network_without_trust_in_its_neighbours_is_the_window_of_zero() -> No
     alone = {k: v[None] for k, v in prepare(shot, ()).items()}
     lam = torch.ones(1)
     torch.testing.assert_close(net(batch, lam)["image"], net(alone, lam)["image"])
+
+
+def test_the_noise_of_two_references_averages_out_of_the_error() -> None:
+    r = np.random.default_rng(1)
+    truth = (0.3 + 0.2 * r.random((200, 200, 3))).astype(np.float32)
+    noisy = lambda: (truth + 0.03 * r.standard_normal(truth.shape)).astype(np.float32)
+    denoised = truth * 1.05
+    exact, found = relmse(denoised, (truth, truth)), relmse(denoised, (noisy(), noisy()))
+    single = noisy()
+    assert abs(found / exact - 1) < 0.15
+    assert relmse(denoised, (single, single)) > 2 * exact
 
 
 def test_flicker_is_nothing_where_the_error_moves_along() -> None:
