@@ -18,21 +18,22 @@ def halves(take: Take, number: int) -> tuple[Image, Image] | None:
     return (np.mean(images[::2], 0), np.mean(images[1::2], 0)) if len(images) > 1 else None
 
 
-def relmse(denoised: Image, references: tuple[Image, Image]) -> float:
-    """(d − a)(d − b) / (r² + 0.01), r the mean of a and b: their noise is independent and averages out, as long as it is far below r.
+def relmse(denoised: Image, references: tuple[Image, Image], brightness: Image) -> float:
+    """(d − a)(d − b) / (g² + 0.01): the noise of a and b is independent and averages out.
 
-    As in `hush eval` images are scaled so that the reference's mean is 0.4.
+    g is an image as bright as the truth that knows nothing of a and b, the same for all methods: the peer's. As in `hush eval` images
+    are scaled so that the reference's mean is 0.4.
     """
-    both = (references[0] + references[1]) / 2
-    gain = 0.4 / max(float(both.mean()), 1e-6)
-    d, a, b, r = (image * gain for image in (denoised, *references, both))
-    return float(((d - a) * (d - b) / (r**2 + 0.01)).mean())
+    gain = 0.4 / max(float((references[0] + references[1]).mean()) / 2, 1e-6)
+    d, a, b, g = (image * gain for image in (denoised, *references, brightness))
+    return float(((d - a) * (d - b) / (g**2 + 0.01)).mean())
 
 
 def scores(take: Take, folders: dict[str, Path]) -> tuple[int, dict[str, float]]:
     """How many frames have two passes, and each method's mean over them."""
     found = {n: pair for n in numbers(take.reference) if (pair := halves(take, n)) is not None}
-    mean = lambda folder: float(np.mean([relmse(beauty(frame(folder, n)), pair) for n, pair in found.items()]))
+    peer = {n: beauty(frame(folders[PEER], n)) for n in found}
+    mean = lambda folder: float(np.mean([relmse(beauty(frame(folder, n)), pair, peer[n]) for n, pair in found.items()]))
     return len(found), {method: mean(folders[method]) for method in METHODS} if found else {}
 
 
