@@ -122,6 +122,9 @@ impl Corners {
     }
 }
 
+/// Half-resolution columns whose pixels go to all planes before the next are read: they stay in L1.
+const BLOCK: usize = 64;
+
 /// Warps the last frame of `frames` (centre first, one a step) to the centre frame over `region`. `offset` is the neighbour's;
 /// `still` says that all their vectors are zero.
 ///
@@ -153,16 +156,18 @@ pub fn warp(
                 let to = &mut extras[x / 2 * EXTRAS..][..EXTRAS];
                 to.iter_mut().zip(from).for_each(|(to, from)| *to += 0.25 * from);
             }
-            for channel in channels.packed() {
-                let (group, lane) = channels.source(channel);
-                let trust = channel == channels.mask();
-                for dx in 0..2 {
-                    let to = row.plane(channel * FULL_PHASES + 2 * dy + dx);
-                    let from = pixels[group * 2 * region.columns..].iter().skip(dx).step_by(2);
-                    if trust {
-                        to.iter_mut().zip(maps.iter().skip(dx).step_by(2)).for_each(|(to, m)| *to = m[0]);
-                    } else {
-                        to.iter_mut().zip(from).for_each(|(to, p)| *to = p[lane]);
+            for x in (0..region.columns).step_by(BLOCK) {
+                let end = (x + BLOCK).min(region.columns);
+                for channel in channels.packed() {
+                    let (group, lane) = channels.source(channel);
+                    for dx in 0..2 {
+                        let to = &mut row.plane(channel * FULL_PHASES + 2 * dy + dx)[x..end];
+                        if channel == channels.mask() {
+                            to.iter_mut().zip(maps[2 * x + dx..].iter().step_by(2)).for_each(|(to, m)| *to = m[0]);
+                        } else {
+                            let from = pixels[group * 2 * region.columns + 2 * x + dx..].iter().step_by(2);
+                            to.iter_mut().zip(from).for_each(|(to, p)| *to = p[lane]);
+                        }
                     }
                 }
             }
@@ -252,14 +257,17 @@ dispatch! {
 pub fn centre_planes(isa: Isa, frame: &PackedFrame, region: Rect, channels: &Channels, margin: usize) -> Planes {
     let mut planes = Planes::new(channels.full() * FULL_PHASES, region.rows, region.columns, margin);
     planes.rows_mut().enumerate().for_each(|(y, mut row)| {
-        for channel in channels.packed() {
-            let (group, lane) = channels.source(channel);
-            let mask = channel == channels.mask();
-            for phase in 0..FULL_PHASES {
-                let start = (2 * (region.row + y) + phase / 2) * frame.padded_columns + 2 * region.column + phase % 2;
-                let from = frame.groups[group][start..].iter().step_by(2);
-                let to = row.plane(channel * FULL_PHASES + phase);
-                to.iter_mut().zip(from).for_each(|(to, p)| *to = if mask { 1.0 - p[INVALID] } else { p[lane] });
+        for x in (0..region.columns).step_by(BLOCK) {
+            let end = (x + BLOCK).min(region.columns);
+            for channel in channels.packed() {
+                let (group, lane) = channels.source(channel);
+                let mask = channel == channels.mask();
+                for phase in 0..FULL_PHASES {
+                    let row_start = (2 * (region.row + y) + phase / 2) * frame.padded_columns;
+                    let from = frame.groups[group][row_start + 2 * (region.column + x) + phase % 2..].iter().step_by(2);
+                    let to = &mut row.plane(channel * FULL_PHASES + phase)[x..end];
+                    to.iter_mut().zip(from).for_each(|(to, p)| *to = if mask { 1.0 - p[INVALID] } else { p[lane] });
+                }
             }
         }
         keys::fill(isa, &mut row, channels, FULL_PHASES, frame.exposure);
