@@ -68,7 +68,7 @@ def test_further_encoders_have_the_first_ones_tensors_and_their_own_record(heade
 
 def test_the_tensors_have_the_shapes_that_the_architecture_says(header: dict[str, Any], record: dict[str, Any]) -> None:
     a, found = record["architecture"], tensors(header)
-    assert (a["version"], a["levels"]) == (1, 4)
+    assert (a["version"], a["levels"]) == (2, 4)
     shape = lambda name: found[f"{name}.weight"]["shape"]
     centre, near, coarse = a["centre_taps"] ** 2, a["neighbour_taps"] ** 2, a["coarse_taps"] ** 2
     assert shape("encoder.first") == [a["features"], 40, 3, 3]
@@ -79,10 +79,13 @@ def test_the_tensors_have_the_shapes_that_the_architecture_says(header: dict[str
     assert shape("head_eighth") == [centre, a["eighth"], 1, 1]
     assert shape("pair_half_head") == [4 * (near + 1) + near, a["pair"], 1, 1]
     assert shape("lambda_half.scale") == [a["half"], a["lambda_hidden"]]
-    for level in ("half", "quarter", "eighth"):
-        folder = level if level == "eighth" else f"{level}_in"
-        blocks = {name.split(".")[1] for name in found if name.startswith(f"{folder}.")}
-        assert len(blocks) == a[f"blocks_{level}"], level
+    assert shape("query_half") == [4 * 2 + 2, a["half"], 1, 1]
+    assert shape("pair_half_query") == [4 * 2 + 2, a["pair"], 1, 1]
+    assert shape("query_eighth") == [2, a["eighth"], 1, 1]
+    folders = {"encoder": "encoder.blocks", "half": "half_in", "quarter": "quarter_in", "eighth": "eighth", "out": "half_out"}
+    for part, folder in folders.items():
+        blocks = {name.removeprefix(f"{folder}.").split(".")[0] for name in found if name.startswith(f"{folder}.")}
+        assert len(blocks) == a[f"blocks_{part}"], part
 
 
 def test_the_file_holds_its_tensors_and_nothing_else(header: dict[str, Any]) -> None:
