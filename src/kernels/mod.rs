@@ -67,6 +67,11 @@ impl Channels {
         self.values + 2
     }
 
+    /// Channels of a denoised coarser level: the values and the mask.
+    pub fn denoised(&self) -> usize {
+        self.values + 1
+    }
+
     /// The modulation channel, 0 to 2, that a value is multiplied by at the end; none for alpha.
     pub fn modulated_by(&self, channel: usize) -> Option<usize> {
         let alpha = usize::from(self.alpha);

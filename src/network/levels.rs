@@ -100,11 +100,11 @@ impl Levels<'_> {
     /// usable where any of its taps was: that fills holes from afar.
     fn coarse_level(&self, head: &Head, known: (&Activation, Pairs), level: &Level, coarser: Option<&Planes>) -> Planes {
         let reach = self.reach(level, 1, self.widths[0], self.widths[1], coarser.map(|c| (c, 2)));
-        let mut out = Planes::new(self.channels.coarse(), level.centre.rows(), level.centre.columns(), self.margins.coarse);
+        let mut out = Planes::new(self.channels.denoised(), level.centre.rows(), level.centre.columns(), self.margins.coarse);
         out.rows_mut().enumerate().for_each(|(y, mut row)| {
-            let mut line = vec![0.0; self.channels.coarse() * known.0.columns().next_multiple_of(SEGMENT)];
+            let mut line = vec![0.0; self.channels.denoised() * known.0.columns().next_multiple_of(SEGMENT)];
             coarse_row(self.isa, self, head, known, level, coarser, &reach, y, &mut line);
-            let stride = line.len() / self.channels.coarse();
+            let stride = line.len() / self.channels.denoised();
             for (channel, from) in line.chunks_exact(stride).enumerate() {
                 let to = row.plane(channel);
                 let columns = to.len();
@@ -147,7 +147,7 @@ fn coarse_row_body<L: Lanes>(
     line: &mut [f32],
 ) {
     let values = levels.channels.values;
-    let stride = line.len() / levels.channels.coarse();
+    let stride = line.len() / levels.channels.denoised();
     let mut logits = head.buffers(levels.neighbours.len());
     let mut weights = Weights::default();
     let mut values_of = vec![0.0; values * SEGMENT];
