@@ -13,7 +13,7 @@ from geometry import Chain, chain, depth_scale, exposure, neighbour
 from torch import Tensor
 
 OFFSETS = (-1, 1, -2, 2)
-BRIGHTEST = 1e6
+BRIGHTEST = 1e4
 FARTHEST = 3
 
 

@@ -29,7 +29,7 @@ struct Tap {
     std::ptrdiff_t index; // among all taps
     std::ptrdiff_t shift; // columns; twice the coarse columns for a coarse tap
     std::ptrdiff_t coarse_row; // of the coarser level, −1 for a frame's tap
-    const float *key; // the tap's, null for a coarse tap
+    const float *key; // the tap's, null for a coarse tap and without keys
     const float *query; // the row's first of its frame, the second a plane further
     std::ptrdiff_t query_at; // its index
 };
@@ -48,13 +48,13 @@ void each_tap(const Shape &s, std::ptrdiff_t b, std::ptrdiff_t y, const float *i
     std::ptrdiff_t index = 0;
     for (std::ptrdiff_t f = 0; f < s.frames; ++f) {
         const int radius = s.sizes[f] / 2;
-        const float *image = images + (b * s.frames + f) * 3 * plane, *mask = valid + (b * s.frames + f) * plane, *key = keys + (b * s.frames + f) * plane;
+        const float *image = images + (b * s.frames + f) * 3 * plane, *mask = valid + (b * s.frames + f) * plane, *key = keys ? keys + (b * s.frames + f) * plane : nullptr;
         const std::ptrdiff_t query_at = (b * s.frames + f) * 2 * plane + y * w;
         for (int dy = -radius; dy <= radius; ++dy)
             for (int dx = -radius; dx <= radius; ++dx, ++index) {
                 if (y + dy < 0 || y + dy >= s.rows) continue;
                 const std::ptrdiff_t at = (y + dy) * w + dx;
-                visit(Tap{{image + at, image + plane + at, image + 2 * plane + at}, mask + at, std::max<std::ptrdiff_t>(0, -dx), std::min(w, w - dx), index, dx, -1, key + at, queries + query_at, query_at});
+                visit(Tap{{image + at, image + plane + at, image + 2 * plane + at}, mask + at, std::max<std::ptrdiff_t>(0, -dx), std::min(w, w - dx), index, dx, -1, key ? key + at : nullptr, key ? queries + query_at : nullptr, query_at});
             }
     }
     const int radius = s.coarse / 2;
@@ -143,6 +143,7 @@ void hush_apply_backward(std::ptrdiff_t batch, std::ptrdiff_t frames, std::ptrdi
                     const float pull = g0[x] * t.source[0][x] + g1[x] * t.source[1][x] + g2[x] * t.source[2][x] - centre[x];
                     to[x] = std::fabs(logit[x]) <= LOGIT_LIMIT ? weight * pull : 0.0f;
                 }
+                if (t.coarse_row < 0 && t.key == nullptr) return;
                 if (t.coarse_row < 0) {
                     float *first = to_queries + t.query_at, *second = first + plane;
                     for (std::ptrdiff_t x = t.first; x < t.last; ++x) {

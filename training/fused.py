@@ -34,13 +34,13 @@ def library() -> ctypes.CDLL:
     return ctypes.CDLL(str(built))
 
 
-def call(name: str, sizes: tuple[int, ...], coarse_taps: int, images: Tensor, *arrays: Tensor) -> None:
-    """One function of the library; images (B, T, 3, H, W) gives the shape, `arrays` follow in the function's order."""
+def call(name: str, sizes: tuple[int, ...], coarse_taps: int, images: Tensor, *arrays: Tensor | None) -> None:
+    """One function of the library; images (B, T, 3, H, W) gives the shape, `arrays` follow in the function's order, None as null."""
     b, t, _, h, w = images.shape
     for a in arrays:
-        assert a.is_contiguous() and a.dtype == torch.float32
+        assert a is None or (a.is_contiguous() and a.dtype == torch.float32)
     shape = [ctypes.c_ssize_t(n) for n in (b, t, h, w)]
-    pointers = [ctypes.c_void_p(a.data_ptr()) for a in arrays]
+    pointers = [ctypes.c_void_p(None if a is None else a.data_ptr()) for a in arrays]
     getattr(library(), name)(*shape, (ctypes.c_int * t)(*sizes), ctypes.c_int(coarse_taps), *pointers)
 
 
@@ -60,15 +60,13 @@ class Apply(torch.autograd.Function):
         sizes: tuple[int, ...],
         coarse_taps: int,
     ) -> tuple[Tensor, Tensor]:
-        b, t, _, h, w = images.shape
-        queries = torch.zeros(b, t, 2, h, w) if asked is None else asked
-        keys = torch.zeros(b, t, 1, h, w) if keys is None else keys
-        logits, images, valid, queries, keys = (x.float().contiguous() for x in (logits, images, valid, queries, keys))
+        plain = lambda x: None if x is None else x.float().contiguous()
+        logits, images, valid, queries, keys = (plain(x) for x in (logits, images, valid, asked, keys))
         coarse = torch.zeros(0) if colour is None else torch.cat((colour, mask), 1).float().contiguous()
         out, norm = torch.zeros_like(images[:, 0]).contiguous(), torch.zeros_like(valid[:, 0]).contiguous()
         call("hush_apply", sizes, coarse_taps, images, logits, images, valid, coarse, queries, keys, out, norm)
         ctx.save_for_backward(logits, images, valid, coarse, queries, keys, out, norm)
-        ctx.sizes, ctx.coarse_taps, ctx.keyed = sizes, coarse_taps, asked is not None
+        ctx.sizes, ctx.coarse_taps = sizes, coarse_taps
         ctx.mark_non_differentiable(norm)
         return out, norm
 
@@ -77,11 +75,11 @@ class Apply(torch.autograd.Function):
         logits, images, valid, coarse, queries, keys, out, norm = ctx.saved_tensors
         to_logits = torch.zeros_like(logits)
         to_coarse = torch.zeros_like(coarse[:, :3]).contiguous() if ctx.coarse_taps else torch.zeros(0)
-        to_queries = torch.zeros_like(queries)
+        to_queries = None if queries is None else torch.zeros_like(queries)
         pull = gradients[0].float().contiguous()
         arrays = (logits, images, valid, coarse, queries, keys, out, norm, pull, to_logits, to_coarse, to_queries)
         call("hush_apply_backward", ctx.sizes, ctx.coarse_taps, images, *arrays)
-        return to_logits, None, None, to_coarse if ctx.coarse_taps else None, None, to_queries if ctx.keyed else None, None, None, None
+        return to_logits, None, None, to_coarse if ctx.coarse_taps else None, None, to_queries, None, None, None
 
 
 def average(

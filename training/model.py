@@ -29,11 +29,11 @@ class Architecture:
     half: int = 48
     quarter: int = 80
     eighth: int = 96
-    blocks_encoder: int = 2
-    blocks_half: int = 2
-    blocks_quarter: int = 3
-    blocks_eighth: int = 3
-    blocks_out: int = 2
+    blocks_encoder: int = 1
+    blocks_half: int = 1
+    blocks_quarter: int = 2
+    blocks_eighth: int = 1
+    blocks_out: int = 1
     pair: int = 32
     lambda_hidden: int = 16
     centre_taps: int = 5

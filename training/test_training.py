@@ -13,7 +13,7 @@ from data import OFFSETS, Shot, frames, oriented, prepare, view
 from loss import flicker
 from model import Architecture, Hush, kernel_average
 from torch import Tensor
-from train import batch_of, objective
+from train import batch_of, collate, example, objective
 
 torch.set_num_threads(1)
 ROWS, COLUMNS = 24, 40
@@ -102,6 +102,16 @@ def test_flicker_is_nothing_where_the_error_moves_along() -> None:
     assert flicker(reference + error, reference, error, followed).max() < 1e-6
     assert flicker(reference + error, reference, -error, followed).mean() > 0.1
     assert flicker(reference + error, reference, -error, 0 * followed).max() == 0
+
+
+@pytest.mark.parametrize("references", [(3, 2), (3,)])
+def test_an_example_alone_is_its_viewed_frames(references: tuple[int, ...]) -> None:
+    shot = moving_shot(references=references)
+    inputs, views, lam = example(random.Random(1), shot, alone=True)
+    assert len(inputs) == len(views) == len(references)
+    assert all(len(view["colour"]) == 1 and not len(view["extras"]) for view in views)
+    batch = inputs[None], [collate([view]) for view in views], lam[None]
+    assert torch.isfinite(objective(Hush(Architecture(features=8, half=8, quarter=8, eighth=8)), *batch, 0.25))
 
 
 @pytest.mark.parametrize("references", [(3, 2), (3,)])

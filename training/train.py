@@ -27,7 +27,9 @@ from torch import Tensor
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 Batch = dict[str, Tensor]
-TEMPORAL = 0.25
+TEMPORAL = 0.75
+PAIRED = 0.2  # of the batches are of two frames in a row on purpose, others by chance
+ALONE = 0.35  # of the batches are of window 0, at a third of the price
 M_TRIM_THRESHOLD, M_TOP_PAD, M_MMAP_THRESHOLD = -1, -2, -3  # of malloc.h
 
 
@@ -48,28 +50,29 @@ def neighbours(r: random.Random, shot: Shot) -> tuple[int, ...]:
     return OFFSETS if len(near) == len(OFFSETS) or r.random() < 0.85 else tuple(r.sample(near, len(OFFSETS)))
 
 
-def example(r: random.Random, shot: Shot) -> tuple[Tensor, list[Batch], Tensor]:
+def example(r: random.Random, shot: Shot, alone: bool) -> tuple[Tensor, list[Batch], Tensor]:
     """One shot, augmented, guides and neighbours dropped at random: the frames' inputs, a view of each frame that has a reference,
-    the later one first, and λ."""
+    the later one first, and λ. `alone`: no neighbours at all, and the inputs of the viewed frames only."""
     shot = augmented(r, shot)
-    of = frames(shot, Guides(r.random() >= 0.08, r.random() >= 0.12, r.random() >= 0.12))
-    offsets, drop = neighbours(r, shot), r.random()
+    of = frames(shot, Guides(r.random() >= 0.05, r.random() >= 0.06, r.random() >= 0.06))
+    offsets, drop = () if alone else neighbours(r, shot), r.random()
     keep = 0.0 if drop < 0.12 else 0.5 if drop < 0.3 else 1.0
     gone = torch.tensor([float(r.random() < keep) for _ in offsets]).view(-1, 1, 1, 1)
+    centres = sorted(shot.references, reverse=True)
     views = []
-    for centre in sorted(shot.references, reverse=True):
+    for i, centre in enumerate(centres):
         # The frame before sees the same frames as far as it reaches, and mirrors the rest.
         reach = [k if 0 <= centre + k < len(shot.depth) else -k for k in offsets]
         seen = view(shot, of, centre, reach)
         seen["extras"][:, :6] *= gone
         for name in ("valid", "colour", "albedo"):
             seen[name] = torch.cat((seen[name][:1], seen[name][1:] * gone))
-        seen["frames"] = torch.tensor([centre, *(centre + k for k in reach)])
+        seen["frames"] = torch.tensor([i] if alone else [centre, *(centre + k for k in reach)])
         views.append(seen)
     if len(views) > 1:
         position, trust, _ = shot.path(shot.centre, -1)
         views[0] |= {"before": position.nan_to_num(0.0), "followed": trust[None].float()}
-    return of.inputs, views, torch.tensor(1.0 if r.random() < 0.5 else LAMBDA_MAX ** r.random())
+    return of.inputs[centres] if alone else of.inputs, views, torch.tensor(1.0 if r.random() < 0.65 else LAMBDA_MAX ** r.random())
 
 
 def collate(parts: list[Batch]) -> Batch:
@@ -78,9 +81,10 @@ def collate(parts: list[Batch]) -> Batch:
 
 def batch_of(r: random.Random, shots: list[Shot], outputs: int) -> tuple[Tensor, list[Batch], Tensor]:
     """Shots of the same kind, one or two references each, `outputs` denoised frames in all."""
-    kind = len(r.choice(shots).references)
-    alike = [s for s in shots if len(s.references) == kind]
-    inputs, views, lam = zip(*(example(r, r.choice(alike)) for _ in range(max(1, outputs // kind))), strict=True)
+    kind = 2 if r.random() < PAIRED else len(r.choice(shots).references)
+    alike = [s for s in shots if len(s.references) == kind] or shots
+    alone = r.random() < ALONE
+    inputs, views, lam = zip(*(example(r, r.choice(alike), alone) for _ in range(max(1, outputs // kind))), strict=True)
     return torch.stack(inputs), [collate(list(v)) for v in zip(*views, strict=True)], torch.stack(lam)
 
 
@@ -207,10 +211,19 @@ class Run:
         os.replace(aside, self.folder / "checkpoint.pt")
 
 
+def averaged_of(state: dict[str, Batch]) -> Batch:
+    """The averaged weights that a checkpoint holds, by the network's names."""
+    return {k.removeprefix("module."): v for k, v in state["mean"].items() if k.startswith("module.")}
+
+
+def mean_of(weights: list[Batch]) -> Batch:
+    """The mean of several networks' weights."""
+    return {name: torch.stack([one[name].float() for one in weights]).mean(0) for name in weights[0]}
+
+
 def averaged(checkpoint: Path) -> Batch:
     """A checkpoint's averaged weights, by the network's names."""
-    mean = torch.load(checkpoint, weights_only=True, map_location="cpu")["mean"]
-    return {k.removeprefix("module."): v for k, v in mean.items() if k.startswith("module.")}
+    return averaged_of(torch.load(checkpoint, weights_only=True, map_location="cpu"))
 
 
 def begin_from(net: Hush, mean: Batch) -> None:
@@ -242,6 +255,7 @@ def main() -> None:
     p.add_argument("--batch", type=int, default=4, help="denoised frames a step")
     p.add_argument("--rate", type=float, default=1e-3)
     p.add_argument("--temporal", type=float, default=TEMPORAL, help="share of the temporal loss")
+    p.add_argument("--seed", type=int, default=17, help="of the order of the examples: runs that differ in it can be averaged")
     p.add_argument("--threads", type=int, default=1)
     p.add_argument("--bf16", action="store_true", help="convolutions in bfloat16 (fast on CPUs with AVX512-BF16)")
     p.add_argument("--fused", action="store_true", help="apply the kernels in C++ (needs g++): twice as fast")
@@ -262,7 +276,7 @@ def main() -> None:
     run.resume()
     run.find_shots()
     recorded = run.step
-    r = random.Random(run.step + 17)
+    r = random.Random(run.step + a.seed)
     prepared = ThreadPoolExecutor(1)
     ahead = lambda: prepared.submit(batch_of, r, list(run.shots.values()), a.batch)
     begun, running, coming = time.monotonic() - run.spent, None, ahead()

@@ -110,19 +110,17 @@ pub fn apply<L: Lanes>(
     out[..size].fill(0.0);
     let mut before = 0;
     for image in images {
-        let data = image.image.data();
-        for (channel, out) in channels.clone().zip(out.chunks_exact_mut(phases * SEGMENT)) {
-            let start = image.start(channel, y, x);
-            for (phase, offsets) in image.offsets.iter().enumerate() {
-                let weights = &buffers.taps[(phase * total + before) * SEGMENT..][..offsets.len() * SEGMENT];
-                let (mut sum0, mut sum1) = (l.load(out, phase * SEGMENT), l.load(out, phase * SEGMENT + 16));
-                for (offset, weight) in offsets.iter().zip(weights.chunks_exact(SEGMENT)) {
-                    let pixels = &data[(start + offset) as usize..][..SEGMENT];
-                    sum0 = l.fma(l.load(weight, 0), l.load(pixels, 0), sum0);
-                    sum1 = l.fma(l.load(weight, 16), l.load(pixels, 16), sum1);
-                }
-                l.store(sum0, out, phase * SEGMENT);
-                l.store(sum1, out, phase * SEGMENT + 16);
+        for phase in 0..phases {
+            let weights = &buffers.taps[(phase * total + before) * SEGMENT..][..image.len() * SEGMENT];
+            let mut channel = channels.start;
+            while channel < channels.end {
+                let out = &mut out[((channel - channels.start) * phases + phase) * SEGMENT..];
+                let at = Place { channel, phase, y, x };
+                channel += match channels.end - channel {
+                    1 => add::<L, 1>(l, image, at, weights, out),
+                    2 => add::<L, 2>(l, image, at, weights, out),
+                    _ => add::<L, 3>(l, image, at, weights, out),
+                };
             }
         }
         before += image.len();
@@ -132,6 +130,41 @@ pub fn apply<L: Lanes>(
             l.store(l.mul(l.load(out, at), l.load(&buffers.scales, at)), out, at);
         }
     }
+}
+
+/// Which channel's pixels [`add`] sums first, for which output phase, and where.
+#[derive(Clone, Copy)]
+struct Place {
+    channel: usize,
+    phase: usize,
+    y: usize,
+    x: usize,
+}
+
+/// Adds the weighted taps of N channels to `out`, [channel][phase][32] from the first one's phase on: each weight is read once for
+/// all of them, and N sums grow side by side. Returns N.
+#[inline(always)]
+fn add<L: Lanes, const N: usize>(l: L, image: &Taps, at: Place, weights: &[f32], out: &mut [f32]) -> usize {
+    let data = image.image.data();
+    let pitch = image.offsets.len() * SEGMENT;
+    let mut starts = [0; N];
+    let mut sums = [[l.splat(0.0); 2]; N];
+    for n in 0..N {
+        starts[n] = image.start(at.channel + n, at.y, at.x);
+        sums[n] = [l.load(out, n * pitch), l.load(out, n * pitch + 16)];
+    }
+    for (offset, weight) in image.offsets[at.phase].iter().zip(weights.chunks_exact(SEGMENT)) {
+        let weight = [l.load(weight, 0), l.load(weight, 16)];
+        for n in 0..N {
+            let pixels = &data[(starts[n] + offset) as usize..][..SEGMENT];
+            sums[n] = [l.fma(weight[0], l.load(pixels, 0), sums[n][0]), l.fma(weight[1], l.load(pixels, 16), sums[n][1])];
+        }
+    }
+    for n in 0..N {
+        l.store(sums[n][0], out, n * pitch);
+        l.store(sums[n][1], out, n * pitch + 16);
+    }
+    N
 }
 
 /// Weights [tap][32] of one output phase before normalisation, and what to multiply the sums by.
@@ -155,15 +188,21 @@ fn weigh<L: Lanes>(
         let (mask, key) = (image.start(channels.mask(), y, x), image.start(channels.key(), y, x));
         let logits = &image.logits[phase * image.pitch * SEGMENT..][..image.len() * SEGMENT];
         let data = image.image.data();
+        let mut query = [[l.splat(0.0); 2]; 2];
+        if let Some(queries) = image.queries {
+            let at = 2 * phase * SEGMENT;
+            query = [
+                [l.load(queries, at), l.load(queries, at + 16)],
+                [l.load(queries, at + SEGMENT), l.load(queries, at + SEGMENT + 16)],
+            ];
+        }
         for ((offset, tap), slot) in image.offsets[phase].iter().zip(logits.chunks_exact(SEGMENT)).zip(&mut slots) {
             let usable = &data[(mask + offset) as usize..][..SEGMENT];
             for (part, greatest) in greatest.iter_mut().enumerate() {
                 let mut logit = l.load(tap, 16 * part);
-                if let Some(queries) = image.queries {
-                    let at = 2 * phase * SEGMENT + 16 * part;
+                if image.queries.is_some() {
                     let key = l.load(&data[(key + offset) as usize..][..SEGMENT], 16 * part);
-                    let query = l.fma(key, l.load(queries, at + SEGMENT), l.load(queries, at));
-                    logit = l.fma(key, query, logit);
+                    logit = l.fma(key, l.fma(key, query[1][part], query[0][part]), logit);
                 }
                 let logit = l.min(l.max(logit, low), high);
                 *greatest = l.max(*greatest, l.fma(l.load(usable, 16 * part), above, logit));
