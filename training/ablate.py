@@ -98,14 +98,6 @@ def identity(block: Residual) -> None:
 
 
 @torch.no_grad()
-def specialisation(net: Hush) -> None:
-    """λ has no effect; at λ 1 a constant change of the features is lost."""
-    for layer in (net.lambda_half, net.lambda_quarter):
-        for part in (layer.scale, layer.shift):
-            part.weight.zero_()
-
-
-@torch.no_grad()
 def weakest_hidden(net: Hush, share: float) -> None:
     """Prunes the hidden channels of every residual block that matter least by the size of their weights."""
     for block in (m for m in net.modules() if isinstance(m, Residual)):
@@ -132,7 +124,6 @@ def parts(net: Hush) -> list[Part]:
         Part("neighbours' taps", neighbour_taps),
         Part("temporal extractor", temporal_extractor),
         Part("keys", keys),
-        Part("λ", specialisation),
         *(Part(f"extra: {name}", batch=zero_extras(channels)) for name, channels in EXTRA_NAMES.items()),
         Part("guide: albedo", guides=Guides(albedo=False)),
         Part("guide: normal", guides=Guides(normal=False)),

@@ -160,9 +160,9 @@ fn add<L: Lanes, const N: usize>(l: L, image: &Taps, at: Place, weights: &[f32],
             sums[n] = [l.fma(weight[0], l.load(pixels, 0), sums[n][0]), l.fma(weight[1], l.load(pixels, 16), sums[n][1])];
         }
     }
-    for n in 0..N {
-        l.store(sums[n][0], out, n * pitch);
-        l.store(sums[n][1], out, n * pitch + 16);
+    for (n, sum) in sums.iter().enumerate() {
+        l.store(sum[0], out, n * pitch);
+        l.store(sum[1], out, n * pitch + 16);
     }
     N
 }
