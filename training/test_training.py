@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 
+import ablate
 import fused
 import numpy as np
 import pytest
@@ -94,6 +95,19 @@ def test_the_noise_of_two_references_averages_out_of_the_error() -> None:
     single = noisy()
     assert abs(found / exact - 1) < 0.05
     assert relmse(denoised, (single, single), truth) > 2 * exact
+
+
+def test_what_is_left_out_has_no_effect() -> None:
+    torch.manual_seed(1)
+    net = Hush(Architecture(features=8, half=8, quarter=8, eighth=8))
+    batch = collate([prepare(moving_shot())])
+    other = batch | {"colour": torch.cat((batch["colour"][:, :1], 1 - batch["colour"][:, 1:]), 1)}
+    assert (net(batch, torch.ones(1))["image"] - net(other, torch.ones(1))["image"]).abs().max() > 1e-3
+    ablate.neighbour_taps(net)
+    torch.testing.assert_close(net(batch, torch.ones(1))["image"], net(other, torch.ones(1))["image"])
+    assert (net(batch, torch.ones(1))["albedo"] - batch["albedo"][:, 0]).abs().max() > 1e-3
+    ablate.own_albedo(net)
+    torch.testing.assert_close(net(batch, torch.ones(1))["albedo"], batch["albedo"][:, 0])
 
 
 def test_flicker_is_nothing_where_the_error_moves_along() -> None:
