@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import torch
 from geometry import Chain, chain, depth_scale, exposure, neighbour
+from model import BRIGHTEST
 from torch import Tensor
 
 OFFSETS = (-1, 1, -2, 2)
-BRIGHTEST = 1e4
 FARTHEST = 3
 
 

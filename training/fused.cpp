@@ -143,15 +143,14 @@ void hush_apply_backward(std::ptrdiff_t batch, std::ptrdiff_t frames, std::ptrdi
                     const float pull = g0[x] * t.source[0][x] + g1[x] * t.source[1][x] + g2[x] * t.source[2][x] - centre[x];
                     to[x] = std::fabs(logit[x]) <= LOGIT_LIMIT ? weight * pull : 0.0f;
                 }
-                if (t.coarse_row < 0 && t.key == nullptr) return;
-                if (t.coarse_row < 0) {
+                if (t.key != nullptr) {
                     float *first = to_queries + t.query_at, *second = first + plane;
                     for (std::ptrdiff_t x = t.first; x < t.last; ++x) {
                         first[x] += to[x] * t.key[x];
                         second[x] += to[x] * t.key[x] * t.key[x];
                     }
-                    return;
                 }
+                if (t.coarse_row < 0) return;
                 for (int c = 0; c < 3; ++c) {
                     const float *share = g.data() + c * columns;
                     float *row = spread.data() + c * columns;

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 LOGIT_LIMIT = 40.0
 LAMBDA_MAX = 64.0
 EXTRAS = 7
-KEY_BRIGHTEST = 1e4
+BRIGHTEST = 1e4
 QUERIES = 2
 
 
@@ -138,7 +138,7 @@ def key_of(colour: Tensor, exposure: Tensor) -> Tensor:
 
     exposure (B,): the centre frame's.
     """
-    return torch.log1p((colour.mean(2, keepdim=True) * exposure.view(-1, 1, 1, 1, 1)).clamp(0, KEY_BRIGHTEST))
+    return torch.log1p((colour.mean(2, keepdim=True) * exposure.view(-1, 1, 1, 1, 1)).clamp(0, BRIGHTEST))
 
 
 def upsampled(image: Tensor) -> Tensor:

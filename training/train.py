@@ -81,8 +81,9 @@ def collate(parts: list[Batch]) -> Batch:
 
 def batch_of(r: random.Random, shots: list[Shot], outputs: int) -> tuple[Tensor, list[Batch], Tensor]:
     """Shots of the same kind, one or two references each, `outputs` denoised frames in all."""
-    kind = 2 if r.random() < PAIRED else len(r.choice(shots).references)
-    alike = [s for s in shots if len(s.references) == kind] or shots
+    kinds = [len(s.references) for s in shots]
+    kind = max(kinds) if r.random() < PAIRED else r.choice(kinds)
+    alike = [s for s in shots if len(s.references) == kind]
     alone = r.random() < ALONE
     inputs, views, lam = zip(*(example(r, r.choice(alike), alone) for _ in range(max(1, outputs // kind))), strict=True)
     return torch.stack(inputs), [collate(list(v)) for v in zip(*views, strict=True)], torch.stack(lam)

@@ -5,8 +5,8 @@ use super::planes::RowMut;
 use crate::simd::Isa;
 use crate::simd::lanes::ln_1p_all;
 
-/// The brightest that a key tells apart, after exposure (`KEY_BRIGHTEST` in `training/model.py`).
-const BRIGHTEST: f32 = 1e4;
+/// The brightest that the network and the keys tell apart, after exposure (`BRIGHTEST` in `training/model.py`).
+pub const BRIGHTEST: f32 = 1e4;
 
 /// Fills a row's key from its colours: ln(1 + the mean of the demodulated colour, exposed as the centre frame is), one plane for each
 /// of `phases`.

@@ -7,13 +7,12 @@ use super::residual::Residual;
 use super::weights::Weights;
 use crate::error::Result;
 use crate::frame::packed::{COLOUR, DEPTH, Guides, PackedFrame, bounded};
+use crate::kernels::keys::BRIGHTEST;
 use crate::simd::lanes::ln_1p_all;
 use crate::simd::{Activation, Conv, Epilogue, Isa, Winograd};
 
 /// Channels at full resolution: log colour 3, albedo 3, normal 3, log depth 1.
 const INPUTS: usize = 10;
-/// The brightest that the network sees, after exposure (`BRIGHTEST` in `training/data.py`).
-const BRIGHTEST: f32 = 1e4;
 
 /// Half-resolution pixels that are encoded at once: a 1080p frame.
 const WHOLE_AREA: usize = 600_000;
