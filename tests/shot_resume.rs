@@ -72,7 +72,7 @@ fn where_lambda_follows_keys_only_the_frames_that_it_changes_are_made_again() {
 fn a_changed_frame_is_made_again_with_those_around_it() {
     let shot = Shot::new(1..=8, Look::default());
     shot.run(&shot.job());
-    shot.touch(3);
+    shot.render_again(3);
     let outcome = shot.run(&shot.job());
     assert_eq!(outcome.log.with(Status::Denoised), [1, 2, 3, 4, 5]);
     assert_eq!(outcome.log.with(Status::Skipped), [6, 7, 8]);

@@ -1,13 +1,13 @@
 """Hush takes the noise out of Blender Cycles animations without flicker.
 
-For files: `denoise_sequence`, `plan_sequence`, `inspect`. For images in memory: `denoise` and `Denoiser`. `main` is the command line.
+For files: `denoise_sequence`, `plan_sequence`, `check_sequence`, `inspect`. For images in memory: `denoise` and `Denoiser`. `main` is the command line.
 """
 
 from __future__ import annotations
 
 from ._command import main
 from ._hush import LAMBDA_RANGE, MAX_WINDOW, Denoised, Denoiser, HushError, __version__, denoise
-from ._sequence import denoise_sequence, inspect, plan_sequence
+from ._sequence import SequenceCheck, SequenceSettings, check_sequence, denoise_sequence, inspect, plan_sequence
 
 __all__ = [
     "LAMBDA_RANGE",
@@ -15,7 +15,10 @@ __all__ = [
     "Denoised",
     "Denoiser",
     "HushError",
+    "SequenceCheck",
+    "SequenceSettings",
     "__version__",
+    "check_sequence",
     "denoise",
     "denoise_sequence",
     "inspect",

@@ -9,7 +9,6 @@ use super::progress::{Mode, Progress};
 use super::signals::stop_handler;
 use super::{CatchSignals, Exit, print, print_json, say};
 use crate::error::Result;
-use crate::settings::{Layered, Origin};
 use crate::shot::{Action, CancelToken, Event, Job, Plan, Summary, run};
 
 /// Denoises the frames of a shot
@@ -66,7 +65,7 @@ pub(super) fn denoise(args: &DenoiseArgs, catch_signals: CatchSignals) -> Result
 fn denoise_with(args: &DenoiseArgs, mode: Mode, progress: &Progress, catch_signals: CatchSignals) -> Result<Exit> {
     let (sequence, settings) = args.job.shot(&args.inputs)?;
     if matches!(mode, Mode::Bar | Mode::Lines) {
-        tell_files(&settings);
+        settings.from_files().iter().for_each(|line| say(format_args!("{line}")));
     }
     let job = Job { overwrite: args.overwrite, strict: args.strict, skip: args.job.skip()?, ..settings.job(sequence, None)? };
     if args.dry_run {
@@ -83,18 +82,6 @@ fn denoise_with(args: &DenoiseArgs, mode: Mode, progress: &Progress, catch_signa
     catch_signals(stop_handler(&cancel, Some(&job.output)))?;
     let summary = run(&job, &engine, &|event| progress.report(&event), &cancel)?;
     Ok(exit_of(&summary))
-}
-
-/// Says which files gave settings: they lie beside the frames, where one may have forgotten them.
-fn tell_files(settings: &Layered) {
-    for file in settings.files() {
-        let from_it = |name: &&str| match settings.origin(name) {
-            Origin::Usd { file: f, .. } | Origin::SideFile { file: f, .. } => *f == file,
-            _ => false,
-        };
-        let names: Vec<&str> = settings.given().filter(from_it).collect();
-        say(format_args!("{} says {}", file.display(), names.join(", ")));
-    }
 }
 
 fn exit_of(summary: &Summary) -> Exit {

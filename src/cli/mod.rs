@@ -1,5 +1,6 @@
 //! The command line: turns arguments into calls of the library and results into words and exit codes.
 
+mod check;
 mod denoise;
 mod eval;
 mod inspect;
@@ -43,6 +44,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     Denoise(Box<denoise::DenoiseArgs>),
+    Check(Box<check::CheckArgs>),
     Watch(Box<watch::WatchArgs>),
     Inspect(inspect::InspectArgs),
     Eval(eval::EvalArgs),
@@ -87,6 +89,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>, catch_signals: CatchSignals
     };
     let exit = match cli.command {
         Command::Denoise(args) => denoise::denoise(&args, catch_signals),
+        Command::Check(args) => check::check(&args),
         Command::Watch(args) => watch::watch_folder(&args, catch_signals),
         Command::Inspect(args) => inspect::inspect_files(&args),
         Command::Eval(args) => eval::eval(&args),

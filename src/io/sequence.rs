@@ -42,6 +42,20 @@ impl Sequence {
         found.into_sequence(inputs.iter().map(|i| i.as_ref().display().to_string()).collect::<Vec<_>>().join(" "))
     }
 
+    /// The sequence that `inputs` would name if its frames were there: without frames.
+    pub fn unrendered<P: AsRef<Path>>(inputs: &[P]) -> Self {
+        let last = inputs.last().map(AsRef::as_ref).filter(|input| is_exr(input));
+        Self { name: last.and_then(file_name).unwrap_or_default(), frames: Vec::new(), ignored: Vec::new() }
+    }
+
+    /// The folder that the frames lie in, or would lie in.
+    pub fn folder<P: AsRef<Path>>(inputs: &[P], found: &Self) -> Option<PathBuf> {
+        let first = found.frames.first().map(|frame| parent(&frame.path).to_path_buf());
+        let named =
+            || inputs.first().map(AsRef::as_ref).map(|input| if input.is_dir() { input } else { parent(input) }.to_path_buf());
+        first.or_else(named).filter(|folder| folder.is_dir())
+    }
+
     /// The numbers, ascending.
     pub fn numbers(&self) -> Vec<i64> {
         self.frames.iter().map(|f| f.number).collect()

@@ -70,6 +70,16 @@ impl FrameSet {
         gaps
     }
 
+    /// How many numbers it holds.
+    pub fn count(&self) -> usize {
+        self.ranges.iter().map(|&(first, last)| last.abs_diff(first) as usize + 1).sum()
+    }
+
+    /// The numbers, ascending.
+    pub fn iter(&self) -> impl Iterator<Item = i64> + '_ {
+        self.ranges.iter().flat_map(|&(first, last)| first..=last)
+    }
+
     /// The first and the last number.
     pub fn ends(&self) -> Option<(i64, i64)> {
         Some((self.ranges.first()?.0, self.ranges.last()?.1))

@@ -4,6 +4,7 @@ mod arrays;
 mod command;
 mod denoiser;
 mod errors;
+mod job;
 mod sequence;
 mod settings;
 
@@ -19,6 +20,7 @@ fn _hush(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("HushError", m.py().get_type::<errors::HushError>())?;
     m.add_class::<denoiser::Denoiser>()?;
     m.add_class::<denoiser::Denoised>()?;
+    m.add_class::<sequence::SequenceCheck>()?;
     m.add_function(wrap_pyfunction!(denoiser::denoise, m)?)?;
     m.add_function(wrap_pyfunction!(command::main, m)?)?;
     m.add_function(wrap_pyfunction!(sequence::inspect, m)?)?;

@@ -2,22 +2,19 @@
 
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
-use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde::Serialize;
 
 use super::errors::HushError;
-use super::settings::{check_lam, check_window, engine};
+use super::job::Asked;
 use crate::engine::Engine;
 use crate::error::Result;
-use crate::io::sequence::Sequence;
-use crate::io::{Guides, Selection};
-use crate::plan::lambda::Lambda;
-use crate::shot::{CancelToken, Event, Job, ModelId, Plan, Summary, run};
+use crate::shot::{self, CancelToken, Event, Job, Plan, Summary, run};
 use crate::simd::release_memory;
 
 /// How often `cancel` and signals are looked at.
@@ -32,10 +29,32 @@ pub fn inspect(py: Python<'_>, path: PathBuf) -> PyResult<String> {
 /// The plan of a shot as JSON; `options` are the keywords of `denoise_sequence`.
 #[pyfunction]
 pub fn plan_sequence(py: Python<'_>, options: &Bound<'_, PyDict>) -> PyResult<String> {
-    let job = job(options)?;
-    // Weights, memory and threads are refused here as they would be by the run.
-    engine_of(py, options)?;
-    to_json(&py.detach(|| Plan::new(&job))?)
+    let asked = Asked::new(options)?;
+    let plan = py.detach(|| {
+        // Weights, memory and threads are refused here as they would be by the run.
+        asked.engine()?;
+        Plan::new(&asked.job)
+    });
+    to_json(&plan?)
+}
+
+/// What is known of a shot's files from one check to the next.
+#[pyclass(module = "hush._hush", frozen)]
+pub struct SequenceCheck(Mutex<shot::SequenceCheck>);
+
+#[pymethods]
+impl SequenceCheck {
+    #[new]
+    fn new() -> Self {
+        Self(Mutex::default())
+    }
+
+    /// How the frames stand, as JSON; `options` are the keywords of `denoise_sequence`.
+    fn check(&self, py: Python<'_>, options: &Bound<'_, PyDict>) -> PyResult<String> {
+        let asked = Asked::even_unrendered(options)?;
+        let checked = py.detach(|| self.0.lock().unwrap_or_else(PoisonError::into_inner).check(&asked.job));
+        to_json(&checked?)
+    }
 }
 
 /// Denoises a shot. `progress` gets each event as JSON; returns the last event's fields as JSON.
@@ -46,18 +65,12 @@ pub fn denoise_sequence(
     progress: Option<Py<PyAny>>,
     cancel: Option<Py<PyAny>>,
 ) -> PyResult<String> {
-    let job = job(options)?;
-    let engine = engine_of(py, options)?;
+    let asked = Asked::new(options)?;
+    let engine = py.detach(|| asked.engine())?;
     let calls = Calls { progress, cancel, token: CancelToken::new(), failed: None };
-    let (summary, failed) = py.detach(move || run_beside(&job, &engine, calls));
+    let (summary, failed) = py.detach(move || run_beside(&asked.job, &engine, calls));
     failed.map_or(Ok(()), Err)?;
     to_json::<Summary>(&summary?)
-}
-
-/// The engine that the keywords describe.
-fn engine_of(py: Python<'_>, options: &Bound<'_, PyDict>) -> PyResult<Engine> {
-    let renderer: Option<String> = get(options, "renderer")?;
-    engine(py, get(options, "model")?, renderer.as_deref(), get(options, "memory")?, get(options, "threads")?)
 }
 
 /// Runs the job on another thread and serves Python on this one; also what Python raised.
@@ -126,68 +139,6 @@ impl Calls {
         }
         py.check_signals()
     }
-}
-
-/// The job that the keywords describe.
-fn job(options: &Bound<'_, PyDict>) -> PyResult<Job> {
-    let inputs: Vec<PathBuf> = get(options, "inputs")?;
-    if inputs.is_empty() {
-        return Err(PyValueError::new_err("inputs: names no file or folder"));
-    }
-    let output: PathBuf = get(options, "output")?;
-    let frames: Option<String> = get(options, "frames")?;
-    let window: Option<i64> = get(options, "window")?;
-    let model: Option<PathBuf> = get(options, "model")?;
-    let renderer: Option<String> = get(options, "renderer")?;
-    let guides = Guides {
-        albedo: get(options, "albedo")?,
-        normal: get(options, "normal")?,
-        depth: get(options, "depth")?,
-        vector: get(options, "vector")?,
-    };
-    let selection = Selection {
-        layers: get(options, "layers")?,
-        view: get(options, "view")?,
-        vector_layer: get(options, "vector_layer")?,
-        guides,
-        aovs: get(options, "aovs")?,
-        ..Selection::default()
-    };
-    let lambda = lambda(get(options, "lam")?)?;
-    let keep_noisy = get(options, "keep_noisy")?;
-    let (overwrite, strict) = (get(options, "overwrite")?, get(options, "strict")?);
-    let window = window.map(check_window).transpose()?;
-    let made = |sequence| -> Result<Job> {
-        Ok(Job {
-            frames: frames.map(|f| f.parse()).transpose()?,
-            lambda,
-            window,
-            selection,
-            keep_noisy,
-            overwrite,
-            strict,
-            renderer,
-            model: model.as_deref().map_or(Ok(ModelId::embedded()), ModelId::of_file)?,
-            ..Job::new(sequence, output)
-        })
-    };
-    let sequence = options.py().detach(|| Sequence::find(&inputs))?;
-    Ok(made(sequence)?)
-}
-
-/// λ from its keys (frame, value); a single value comes as one key.
-fn lambda(keys: Vec<(f64, f64)>) -> PyResult<Lambda> {
-    let keys: Vec<(f64, f32)> = keys.into_iter().map(|(frame, lam)| Ok((frame, check_lam(lam)?))).collect::<PyResult<_>>()?;
-    Ok(Lambda::keyed(keys)?)
-}
-
-/// A keyword's value; one of another type is a TypeError that names it.
-fn get<'py, T: FromPyObjectOwned<'py>>(options: &Bound<'py, PyDict>, name: &str) -> PyResult<T> {
-    let value = options.get_item(name)?.unwrap_or_else(|| options.py().None().into_bound(options.py()));
-    value.extract().map_err(|e: T::Error| {
-        let error: PyErr = e.into();
-        PyTypeError::new_err(format!("{name}: {}", error.value(options.py())))
-    })
 }
 
 fn to_json<T: Serialize>(value: &T) -> PyResult<String> {

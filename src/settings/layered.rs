@@ -41,6 +41,11 @@ pub enum Origin {
         /// The option.
         option: String,
     },
+    /// A keyword argument in Python.
+    Argument {
+        /// Its name.
+        name: String,
+    },
 }
 
 impl Display for Origin {
@@ -50,6 +55,7 @@ impl Display for Origin {
             Self::Usd { file, prim, attribute } => write!(f, "{} <{prim}.{attribute}>", file.display()),
             Self::SideFile { file, key } => write!(f, "{}, {key}", file.display()),
             Self::CommandLine { option } => write!(f, "{option}"),
+            Self::Argument { name } => write!(f, "{name}"),
         }
     }
 }
@@ -132,6 +138,18 @@ impl Layered {
             }
         }
         files
+    }
+
+    /// What each file says, in words: settings beside the frames are easily forgotten.
+    pub fn from_files(&self) -> Vec<String> {
+        let names = |file: &PathBuf| {
+            let from_it = |name: &&str| match self.origin(name) {
+                Origin::Usd { file: f, .. } | Origin::SideFile { file: f, .. } => f == file,
+                _ => false,
+            };
+            self.given().filter(from_it).collect::<Vec<_>>().join(", ")
+        };
+        self.files().iter().map(|file| format!("{} says {}", file.display(), names(file))).collect()
     }
 
     /// The folder to write to.

@@ -1,9 +1,12 @@
 //! What to denoise and how: everything a run needs besides the engine.
 
+use std::fmt;
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
 use serde::{Deserialize, Serialize};
 
+use super::currency::StaleKind;
 use crate::error::{Error, Result};
 use crate::io::sequence::Sequence;
 use crate::io::{Guides, PassNames, Selection};
@@ -130,7 +133,8 @@ pub struct ModelId {
 impl ModelId {
     /// The weights in this binary.
     pub fn embedded() -> Self {
-        Self { name: "embedded".into(), hash: Some(fnv(EMBEDDED)) }
+        static HASH: LazyLock<String> = LazyLock::new(|| fnv(EMBEDDED));
+        Self { name: "embedded".into(), hash: Some(HASH.clone()) }
     }
 
     /// A weights file.
@@ -199,8 +203,8 @@ impl FrameSettings {
         fnv(serde_json::to_string(self).unwrap_or_default().as_bytes())
     }
 
-    /// What changed since `old`, in words: `lambda 1 → 4, window 0 → 2`.
-    pub(super) fn changes_since(&self, old: &Self) -> String {
+    /// What changed since `old`.
+    pub(super) fn changes_since(&self, old: &Self) -> Vec<Change> {
         let opt = |o: &Option<String>| o.clone().unwrap_or_else(|| "default".into());
         let model = |m: &ModelId| m.hash.as_ref().map_or(m.name.clone(), |h| format!("{} ({h})", m.name));
         let guides = |g: &GuideSettings| {
@@ -217,22 +221,37 @@ impl FrameSettings {
             none if none.is_empty() => "nothing".to_string(),
             some => some.join("+"),
         };
-        let pairs = [
-            ("lambda", old.lambda.to_string(), self.lambda.to_string()),
-            ("window", old.window.to_string(), self.window.to_string()),
-            ("layers", old.layers.join("+"), self.layers.join("+")),
-            ("view", opt(&old.view), opt(&self.view)),
-            ("vector layer", opt(&old.vector_layer), opt(&self.vector_layer)),
-            ("guides", guides(&old.guides), guides(&self.guides)),
-            ("pass names", passes(&old.passes), passes(&self.passes)),
-            ("AOVs", old.aovs.join("+"), self.aovs.join("+")),
-            ("keep noisy", old.keep_noisy.to_string(), self.keep_noisy.to_string()),
-            ("left out", rules(old.skip), rules(self.skip)),
-            ("model", model(&old.model), model(&self.model)),
-            ("renderer", opt(&old.renderer), opt(&self.renderer)),
+        let change = |kind, name, old, new| Change { kind, name, old, new };
+        let all = [
+            change(StaleKind::Lambda, "lambda", old.lambda.to_string(), self.lambda.to_string()),
+            change(StaleKind::Window, "window", old.window.to_string(), self.window.to_string()),
+            change(StaleKind::Layers, "layers", old.layers.join("+"), self.layers.join("+")),
+            change(StaleKind::View, "view", opt(&old.view), opt(&self.view)),
+            change(StaleKind::VectorLayer, "vector layer", opt(&old.vector_layer), opt(&self.vector_layer)),
+            change(StaleKind::Guides, "guides", guides(&old.guides), guides(&self.guides)),
+            change(StaleKind::Passes, "pass names", passes(&old.passes), passes(&self.passes)),
+            change(StaleKind::Aovs, "AOVs", old.aovs.join("+"), self.aovs.join("+")),
+            change(StaleKind::KeepNoisy, "keep noisy", old.keep_noisy.to_string(), self.keep_noisy.to_string()),
+            change(StaleKind::Skip, "left out", rules(old.skip), rules(self.skip)),
+            change(StaleKind::Model, "model", model(&old.model), model(&self.model)),
+            change(StaleKind::Renderer, "renderer", opt(&old.renderer), opt(&self.renderer)),
         ];
-        let changed = pairs.iter().filter(|(_, a, b)| a != b).map(|(name, a, b)| format!("{name} {a} → {b}"));
-        changed.collect::<Vec<_>>().join(", ")
+        all.into_iter().filter(|c| c.old != c.new).collect()
+    }
+}
+
+/// A setting that changed, in words: `lambda 1 → 4`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Change {
+    pub kind: StaleKind,
+    name: &'static str,
+    old: String,
+    new: String,
+}
+
+impl fmt::Display for Change {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {} → {}", self.name, self.old, self.new)
     }
 }
 
@@ -262,11 +281,12 @@ mod tests {
     fn settings_tell_what_changed() {
         let a = job().settings(2, 1).unwrap();
         let b = Job { lambda: "1:4,5:8".parse().unwrap(), ..job() }.settings(0, 1).unwrap();
-        assert_eq!(b.changes_since(&a), "lambda 1 → 4, window 2 → 0");
+        let words = |new: &FrameSettings| new.changes_since(&a).iter().map(Change::to_string).collect::<Vec<_>>();
+        assert_eq!(words(&b), ["lambda 1 → 4", "window 2 → 0"]);
         let c = Job { skip: Skip::NONE, ..job() }.settings(2, 1).unwrap();
-        assert_eq!(c.changes_since(&a), "left out constant+opaque+untrusted+still → nothing");
+        assert_eq!(words(&c), ["left out constant+opaque+untrusted+still → nothing"]);
         let d = Job { renderer: Some("Mitsuba".into()), ..job() }.settings(2, 1).unwrap();
-        assert_eq!(d.changes_since(&a), "renderer default → mitsuba");
+        assert_eq!(words(&d), ["renderer default → mitsuba"]);
         assert_eq!(Job { renderer: Some("cycles".into()), ..job() }.settings(2, 1).unwrap(), a);
         assert!(!serde_json::to_string(&a).unwrap().contains("renderer"), "manifests of before must keep their keys");
         assert!(a.key() != b.key() && a.key() == job().settings(2, 9).unwrap().key());

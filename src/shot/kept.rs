@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use super::manifest::Stamp;
+use super::file_state::{Content, Stamp};
 use super::prepare::{Action, Plan};
 use crate::engine::EncodedFrame;
 use crate::plan::checks::PixelChecks;
@@ -14,15 +14,17 @@ pub(super) struct Slot {
     pub encoded: Vec<EncodedFrame>,
     /// Time spent encoding it.
     pub seconds: f64,
+    /// That of its file.
+    pub content: Option<Content>,
     path: PathBuf,
     stamp: Option<Stamp>,
 }
 
 impl Slot {
     /// A frame of the plan.
-    pub fn new(plan: &Plan, number: i64, encoded: Vec<EncodedFrame>, seconds: f64) -> Self {
+    pub fn new(plan: &Plan, number: i64, encoded: Vec<EncodedFrame>, seconds: f64, content: Option<Content>) -> Self {
         let path = plan.sources.good.get(&number).map(|s| s.path.clone()).unwrap_or_default();
-        Self { encoded, seconds, path, stamp: plan.sources.stamps.get(&number).copied().flatten() }
+        Self { encoded, seconds, content, path, stamp: plan.sources.stamps.get(&number).copied().flatten() }
     }
 
     /// Whether it is what a plan would read.

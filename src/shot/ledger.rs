@@ -107,6 +107,7 @@ mod tests {
             frame,
             source: "a.exr".into(),
             stamp: None,
+            output: None,
             status: Status::Denoised,
             reason: None,
             settings: key,

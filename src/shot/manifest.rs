@@ -2,11 +2,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
-use std::time::UNIX_EPOCH;
 
 use serde::{Deserialize, Serialize};
 
 use super::events::Status;
+use super::file_state::FileState;
 use super::job::FrameSettings;
 use crate::error::{Error, Result};
 use crate::plan::skip::LeftOut;
@@ -36,7 +36,10 @@ pub struct Entry {
     /// The input file.
     pub source: PathBuf,
     /// The input as it was.
-    pub stamp: Option<Stamp>,
+    pub stamp: Option<FileState>,
+    /// The output as it was written.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub output: Option<FileState>,
     /// What the last run did.
     pub status: Status,
     /// Why it failed or was skipped.
@@ -72,25 +75,7 @@ pub struct NeighbourEntry {
     pub reason: Option<Unused>,
     /// Its file as it was; none where there was no file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub stamp: Option<Stamp>,
-}
-
-/// Tells whether a file is still the same one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Stamp {
-    /// Bytes.
-    pub size: u64,
-    /// Time of the last change, milliseconds since 1970.
-    pub modified: u64,
-}
-
-impl Stamp {
-    /// The stamp of a file; None where there is none.
-    pub fn of(path: &Path) -> Option<Self> {
-        let meta = std::fs::metadata(path).ok()?;
-        let age = meta.modified().ok().and_then(|t| t.duration_since(UNIX_EPOCH).ok());
-        Some(Self { size: meta.len(), modified: age.map_or(0, |d| d.as_millis() as u64) })
-    }
+    pub stamp: Option<FileState>,
 }
 
 impl Default for Manifest {

@@ -11,7 +11,10 @@
 //! ```
 
 mod cancel;
+mod check;
+mod currency;
 mod events;
+mod file_state;
 mod job;
 mod kept;
 mod ledger;
@@ -25,10 +28,13 @@ mod survey;
 mod threads;
 
 pub use cancel::CancelToken;
+pub use check::{Checked, CheckedFrame, Counts, FrameState, SequenceCheck};
+pub use currency::{Stale, StaleKind};
 pub use events::{Event, Status, Summary};
+pub use file_state::{Content, FileState, Stamp};
 pub use job::{FrameSettings, GuideSettings, Job, ModelId, WholeShot};
 pub use ledger::Ledger;
-pub use manifest::{Entry, MANIFEST, MANIFEST_VERSION, Manifest, NeighbourEntry, Stamp};
+pub use manifest::{Entry, MANIFEST, MANIFEST_VERSION, Manifest, NeighbourEntry};
 pub(crate) use output::real_folder;
 pub use output::remove_unfinished;
 pub use prepare::{Action, Plan, PlannedFrame};

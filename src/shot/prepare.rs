@@ -5,14 +5,15 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use super::currency::{Wanted, same_input, why_stale};
 use super::events::Status;
+use super::file_state::{FileMemory, FileState, Stamp};
 use super::job::{FrameSettings, Job};
 use super::ledger::Ledger;
-use super::manifest::{Entry, MANIFEST, Manifest, NeighbourEntry, Stamp};
+use super::manifest::{Entry, MANIFEST, Manifest, NeighbourEntry};
 use super::output::{check_output, output_path};
 use super::source::Source;
 use crate::error::{Error, Result};
-use crate::io::is_complete;
 use crate::io::sequence::spans;
 use crate::plan::checks::{self, Header, Warning, WarningKind};
 use crate::plan::frames::{FrameSet, show_ranges};
@@ -104,6 +105,7 @@ impl Plan {
     /// As [`Plan::new`], with a manifest that may have been read before.
     pub(super) fn with(job: &Job, ledger: &mut Ledger) -> Result<Self> {
         check_output(job)?;
+        let mut files = FileMemory::default();
         let reach = job.reach()?;
         let numbers = job.sequence.numbers();
         let wanted = |n: i64| job.frames.as_ref().is_none_or(|set| set.contains(n));
@@ -113,7 +115,7 @@ impl Plan {
             return Err(Error::BadInput { input: job.sequence.name.clone(), reason });
         }
         let near = |n: i64| targets.iter().any(|t| t.abs_diff(n) <= reach as u64);
-        let (sources, first_error) = open_sources(job, &numbers, near);
+        let (sources, first_error) = open_sources(job, &numbers, near, &mut files);
         let strict_error = first_error.filter(|_| job.strict || !targets.iter().any(|t| sources.good.contains_key(t)));
         if let Some(error) = strict_error {
             return Err(error);
@@ -128,7 +130,7 @@ impl Plan {
             warnings.push(Warning::new(WarningKind::Manifest, format!("{e}: what it says about the frames there is not known")));
             &empty
         });
-        let frames = plan_frames(job, &targets, &settings, &sources, manifest)?;
+        let frames = plan_frames(job, &targets, &settings, &sources, manifest, &mut files)?;
         let entry = |f: &PlannedFrame| manifest.entry(&f.output).map(|e| (f.frame, e.clone()));
         let before = frames.iter().filter_map(entry).collect();
         warnings.extend(redone_warnings(&frames));
@@ -146,7 +148,8 @@ impl Plan {
         Entry {
             frame: frame.frame,
             source: std::path::absolute(&frame.source).unwrap_or_else(|_| frame.source.clone()),
-            stamp: self.sources.stamps.get(&frame.frame).copied().flatten(),
+            stamp: self.sources.stamps.get(&frame.frame).copied().flatten().map(FileState::from),
+            output: None,
             status: Status::Planned,
             reason: None,
             settings: settings.into(),
@@ -158,6 +161,21 @@ impl Plan {
         }
     }
 
+    /// The entry of a frame that is current. Files that were only copied or touched since are known by their new dates.
+    pub(super) fn skipped(&self, before: &Entry, output: &Path) -> Entry {
+        let dated = |state: Option<FileState>, stamp: Option<Stamp>| {
+            state.map(|state| FileState { stamp: stamp.unwrap_or(state.stamp), ..state })
+        };
+        let now = |frame: i64| self.sources.stamps.get(&frame).copied().flatten();
+        let mut entry = Entry { status: Status::Skipped, reason: Some("already done".into()), ..before.clone() };
+        entry.stamp = dated(entry.stamp, now(entry.frame));
+        entry.output = dated(entry.output, Stamp::of(output));
+        for neighbour in &mut entry.neighbours {
+            neighbour.stamp = dated(neighbour.stamp, now(neighbour.frame));
+        }
+        entry
+    }
+
     /// A window as the manifest tells it.
     pub(super) fn neighbour_entries(&self, window: &[Neighbour]) -> Vec<NeighbourEntry> {
         window.iter().map(|n| neighbour_entry(n, &self.sources)).collect()
@@ -165,7 +183,7 @@ impl Plan {
 }
 
 fn neighbour_entry(n: &Neighbour, sources: &Sources) -> NeighbourEntry {
-    let stamp = sources.stamps.get(&n.number).copied().flatten();
+    let stamp = sources.stamps.get(&n.number).copied().flatten().map(FileState::from);
     NeighbourEntry { offset: n.offset, frame: n.number, used: n.unused.is_none(), reason: n.unused, stamp }
 }
 
@@ -174,13 +192,18 @@ fn used_numbers<S: serde::Serializer>(window: &[Neighbour], to: S) -> Result<S::
 }
 
 /// Opens the files that `near` picks; also the first error.
-fn open_sources(job: &Job, numbers: &[i64], near: impl Fn(i64) -> bool) -> (Sources, Option<Error>) {
+pub(super) fn open_sources(
+    job: &Job,
+    numbers: &[i64],
+    near: impl Fn(i64) -> bool,
+    files: &mut FileMemory,
+) -> (Sources, Option<Error>) {
     let ends = job.whole.map(|w| (w.first, w.last)).or(numbers.first().copied().zip(numbers.last().copied()));
     let mut sources = Sources { ends, good: BTreeMap::new(), bad: BTreeMap::new(), stamps: BTreeMap::new() };
     let mut first_error = None;
     for frame in job.sequence.frames.iter().filter(|f| near(f.number)) {
         sources.stamps.insert(frame.number, Stamp::of(&frame.path));
-        match Source::open(frame.number, &frame.path, &job.selection) {
+        match files.layout(&frame.path).and_then(|layout| Source::new(frame.number, layout, &job.selection)) {
             Ok(source) => _ = sources.good.insert(frame.number, source),
             Err(error) => {
                 sources.bad.insert(frame.number, error.to_string());
@@ -192,7 +215,7 @@ fn open_sources(job: &Job, numbers: &[i64], near: impl Fn(i64) -> bool) -> (Sour
 }
 
 /// The window: what was asked for, which then needs vectors; else what the vectors allow.
-fn resolve_window(job: &Job, sources: &Sources, headers: &[Header], reach: usize) -> Result<usize> {
+pub(super) fn resolve_window(job: &Job, sources: &Sources, headers: &[Header], reach: usize) -> Result<usize> {
     let without = headers.iter().find(|h| !h.vector);
     match (job.window, without) {
         (Some(window), Some(h)) if window > 0 => {
@@ -236,9 +259,11 @@ fn plan_frames(
     settings: &FrameSettings,
     sources: &Sources,
     manifest: &Manifest,
+    files: &mut FileMemory,
 ) -> Result<Vec<PlannedFrame>> {
     let mut frames = Vec::with_capacity(targets.len());
     let mut foreign: Vec<PathBuf> = Vec::new();
+    let mut worse: Vec<(i64, String)> = Vec::new();
     for &number in targets {
         let Some(source) = job.sequence.path(number) else { continue };
         let output = output_path(job, source);
@@ -249,7 +274,17 @@ fn plan_frames(
             Some(reason) => Action::Fail(reason.clone()),
             None if job.overwrite || !output.exists() => Action::Denoise(None),
             None => match entry {
-                Some(entry) => existing(entry, &output, settings, &window, sources, manifest),
+                Some(entry) => {
+                    let wanted = Wanted { sequence: &job.sequence, settings, window: &window };
+                    match why_stale(entry, &output, &wanted, manifest, files) {
+                        None => Action::Skip,
+                        Some(stale) => {
+                            let loss = why_worse(job, entry, manifest, settings, &window);
+                            worse.extend(loss.filter(|_| same_input(entry, &job.sequence, files)).map(|why| (number, why)));
+                            Action::Denoise(Some(stale.reason))
+                        }
+                    }
+                }
                 None => {
                     foreign.push(output.clone());
                     Action::Denoise(None)
@@ -267,40 +302,36 @@ fn plan_frames(
         );
         return Err(Error::io(first, std::io::Error::new(std::io::ErrorKind::AlreadyExists, reason)));
     }
+    if let Some((_, why)) = worse.first() {
+        let numbers: Vec<i64> = worse.iter().map(|(n, _)| *n).collect();
+        return Err(Error::BadInput {
+            input: job.output.display().to_string(),
+            reason: format!("holds better frames {} than this run would make of the same files: {why}", spans(&numbers)),
+        });
+    }
     Ok(frames)
 }
 
-/// What to do where there is an output of ours.
-fn existing(
-    entry: &Entry,
-    output: &Path,
-    settings: &FrameSettings,
-    window: &[Neighbour],
-    sources: &Sources,
-    manifest: &Manifest,
-) -> Action {
-    let again = |why: String| Action::Denoise(Some(why));
-    match entry.status {
-        Status::Planned => return again("it was not finished".into()),
-        Status::Failed => return again("it failed before".into()),
-        Status::Denoised | Status::Skipped => {}
+/// Why a frame that is there is better than the one that would take its place; only what was not asked for counts.
+fn why_worse(job: &Job, entry: &Entry, manifest: &Manifest, settings: &FrameSettings, window: &[Neighbour]) -> Option<String> {
+    if job.window.is_some() || !job.selection.guides.vector || !matches!(entry.status, Status::Denoised | Status::Skipped) {
+        return None;
     }
-    if entry.settings != settings.key() {
-        let changes = manifest.settings.get(&entry.settings).map(|old| settings.changes_since(old)).unwrap_or_default();
-        return again(if changes.is_empty() { "the settings changed".into() } else { changes });
+    let old = manifest.settings.get(&entry.settings)?;
+    if !entry.neighbours.iter().any(|n| n.used) {
+        return None;
     }
-    if sources.stamps.get(&entry.frame).copied().flatten() != entry.stamp {
-        return again("the input changed".into());
+    if let (Some(layer), None) = (&old.vector_layer, &settings.vector_layer) {
+        return Some(format!(
+            "they have the motion vectors of view layer {layer}, which is not named any more; name it again as the vector layer, or \
+             overwrite them"
+        ));
     }
-    let then: Vec<_> = entry.neighbours.iter().map(|n| (n.offset, n.stamp)).collect();
-    let now: Vec<_> = window.iter().map(|n| neighbour_entry(n, sources)).map(|n| (n.offset, n.stamp)).collect();
-    if then != now {
-        return again("frames beside it changed".into());
-    }
-    match is_complete(output) {
-        Ok(()) => Action::Skip,
-        Err(_) => again("the output is damaged".into()),
-    }
+    let alone = !window.iter().any(|n| n.unused.is_none());
+    alone.then(|| {
+        "the frames beside them helped, and now there are no motion vectors for that; set the window to 0 or overwrite them"
+            .into()
+    })
 }
 
 /// Frames that are made again, by reason.

@@ -8,10 +8,11 @@ use std::time::{Duration, Instant};
 
 use super::cancel::CancelToken;
 use super::events::{Event, Status, Summary};
+use super::file_state::FileState;
 use super::job::Job;
 use super::kept::{Kept, Slot};
 use super::ledger::Ledger;
-use super::manifest::{Entry, Manifest};
+use super::manifest::Manifest;
 use super::output::prepare_folder;
 use super::prepare::{Action, Plan, PlannedFrame, is_degraded, missing_text};
 use super::threads::{Decoded, Work, Written, decode, ends_the_run, write};
@@ -125,7 +126,7 @@ impl<'a> Run<'a> {
             let mut entry = plan.entry(frame, &key);
             let before = plan.before.get(&frame.frame);
             if let (Action::Skip, Some(before)) = (&frame.action, before) {
-                entry = Entry { status: Status::Skipped, reason: Some("already done".into()), ..before.clone() };
+                entry = plan.skipped(before, &frame.output);
             }
             self.manifest.frames.insert(file_name(&frame.output), entry);
             match &frame.action {
@@ -221,7 +222,7 @@ impl<'a> Run<'a> {
 
     /// Checks and encodes a frame that was decoded.
     fn take_in(&mut self, decoded: Decoded, engine: &Engine) {
-        let Decoded { number, frame } = decoded;
+        let Decoded { number, frame, content } = decoded;
         let began = Instant::now();
         let encoded = frame.and_then(|(views, glance)| {
             let seen = self.kept.pixels.look(number, glance);
@@ -233,7 +234,7 @@ impl<'a> Run<'a> {
         });
         match encoded {
             Ok(encoded) => {
-                let slot = Slot::new(self.plan, number, encoded, began.elapsed().as_secs_f64());
+                let slot = Slot::new(self.plan, number, encoded, began.elapsed().as_secs_f64(), content);
                 self.kept.ring.insert(number, slot);
             }
             Err(error) => {
@@ -248,11 +249,18 @@ impl<'a> Run<'a> {
 
     /// Puts the window that a frame really had into the manifest.
     fn note_window(&mut self, target: &PlannedFrame, window: &[Neighbour]) {
-        let neighbours = self.plan.neighbour_entries(window);
+        let mut neighbours = self.plan.neighbour_entries(window);
+        let content = |frame: i64| self.kept.ring.get(&frame).and_then(|slot| slot.content);
+        for neighbour in &mut neighbours {
+            let content = content(neighbour.frame);
+            neighbour.stamp = neighbour.stamp.map(|state| FileState { content, ..state });
+        }
+        let content = content(target.frame);
         let notes = self.notes.remove(&target.frame).unwrap_or_default();
         self.notes.retain(|n, _| *n > target.frame);
         if let Some(entry) = self.manifest.frames.get_mut(&file_name(&target.output)) {
             entry.neighbours = neighbours;
+            entry.stamp = entry.stamp.map(|state| FileState { content, ..state });
             entry.warnings.extend(notes);
         }
     }
@@ -267,7 +275,13 @@ impl<'a> Run<'a> {
     /// Takes note of what the writer did.
     fn settle(&mut self, written: Written) {
         match written.result {
-            Ok(()) => self.finish(written.index, Status::Denoised, None, written.seconds),
+            Ok(state) => {
+                let file = self.plan.frames.get(written.index).map(|frame| file_name(&frame.output)).unwrap_or_default();
+                if let Some(entry) = self.manifest.frames.get_mut(&file) {
+                    entry.output = state;
+                }
+                self.finish(written.index, Status::Denoised, None, written.seconds);
+            }
             Err(error) => self.fail(written.index, error, written.seconds),
         }
         if self.saved.elapsed() >= SAVE_EVERY

@@ -102,6 +102,6 @@ impl Scope {
 
     /// What a frame's file holds, and what is read of it.
     pub fn about(&self, number: i64) -> Option<(&Layout, &[Resolved])> {
-        self.good.get(&number).map(|s| (&s.layout, &s.views[..]))
+        self.good.get(&number).map(|s| (&*s.layout, &s.views[..]))
     }
 }

@@ -2,6 +2,7 @@
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use crate::error::Result;
 use crate::frame::Frame;
@@ -12,7 +13,7 @@ use crate::plan::window::Known;
 /// A readable file of the sequence.
 pub(super) struct Source {
     pub path: PathBuf,
-    pub layout: Layout,
+    pub layout: Arc<Layout>,
     /// The stereo views to denoise; one where there is one image.
     pub views: Vec<Resolved>,
     pub header: Header,
@@ -22,7 +23,11 @@ pub(super) struct Source {
 impl Source {
     /// Reads the header and picks the passes.
     pub fn open(number: i64, path: &Path, selection: &Selection) -> Result<Self> {
-        let layout = read_layout(path)?;
+        Self::new(number, Arc::new(read_layout(path)?), selection)
+    }
+
+    /// Picks the passes of a file whose header was read.
+    pub fn new(number: i64, layout: Arc<Layout>, selection: &Selection) -> Result<Self> {
         let views = resolve_views(&layout, selection)?;
         let first = views.first();
         let mut notes: Vec<String> = views.iter().flat_map(|v| v.notes.clone().into_iter().chain(caveats(&layout, v))).collect();
@@ -46,7 +51,7 @@ impl Source {
             (view.columns, view.rows, &view.layer, &view.view).hash(&mut hasher);
             view.aovs.iter().for_each(|a| a.name.hash(&mut hasher));
         }
-        Ok(Self { path: path.into(), layout, views, header, passes: hasher.finish() })
+        Ok(Self { path: layout.path.clone(), layout, views, header, passes: hasher.finish() })
     }
 
     /// For the window.

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::mpsc::{Receiver, Sender, SyncSender};
 
+use super::file_state::{Content, FileState};
 use super::prepare::{Plan, PlannedFrame};
 use crate::engine::{Denoised, Engine};
 use crate::error::{Error, Result};
@@ -14,6 +15,8 @@ use crate::plan::checks::Glance;
 pub(super) struct Decoded {
     pub number: i64,
     pub frame: Result<(Vec<Frame>, Glance)>,
+    /// That of the file which was read; None where it changed since the plan was made.
+    pub content: Option<Content>,
 }
 
 /// A frame on its way to the writer.
@@ -27,7 +30,8 @@ pub(super) struct Work {
 /// A frame back from the writer.
 pub(super) struct Written {
     pub index: usize,
-    pub result: Result<()>,
+    /// The file as it was written.
+    pub result: Result<Option<FileState>>,
     pub seconds: f64,
 }
 
@@ -40,7 +44,10 @@ pub(super) fn decode(order: &[i64], plan: &Plan, engine: &Engine, to: SyncSender
             let glance = Glance::of(first);
             Ok((views, glance))
         });
-        if to.send(Decoded { number, frame }).is_err() {
+        let planned = plan.sources.stamps.get(&number).copied().flatten();
+        let state = if frame.is_ok() { FileState::read(&source.path) } else { None };
+        let content = state.filter(|s| Some(s.stamp) == planned).and_then(|s| s.content);
+        if to.send(Decoded { number, frame, content }).is_err() {
             return;
         }
     }
@@ -53,7 +60,9 @@ pub(super) fn write(plan: &Plan, keep_noisy: bool, engine: &Engine, from: &Recei
         let Some(source) = plan.sources.good.get(&frame.frame) else { return };
         let views: Vec<(&Resolved, &Denoised)> = source.views.iter().zip(&denoised).collect();
         let options = WriteOptions { keep_noisy, attributes: vec![("hush".into(), made_by(plan, frame))] };
-        let result = engine.in_pool(|| write_views(&source.layout, &views, &options, &frame.output));
+        let result = engine
+            .in_pool(|| write_views(&source.layout, &views, &options, &frame.output))
+            .map(|()| FileState::read(&frame.output));
         let over = result.as_ref().err().is_some_and(|e| frame.output.parent().is_some_and(|folder| ends_the_run(e, folder)));
         if to.send(Written { index, result, seconds }).is_err() || over {
             return;

@@ -170,8 +170,8 @@ impl Shot {
         if !same || entry.status == Status::Planned {
             return None;
         }
-        let around = entry.neighbours.iter().filter_map(|n| n.stamp.map(|stamp| (n.offset, stamp))).collect();
-        Some(Made { stamp: entry.stamp, around, window, failed: entry.status == Status::Failed })
+        let around = entry.neighbours.iter().filter_map(|n| n.stamp.map(|state| (n.offset, state.stamp))).collect();
+        Some(Made { stamp: entry.stamp.map(|state| state.stamp), around, window, failed: entry.status == Status::Failed })
     }
 
     /// Gives a frame up until its file changes.

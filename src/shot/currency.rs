@@ -1,0 +1,146 @@
+//! The one answer to "is this frame current?": whether a denoised frame is what denoising now would give. The run, the watch, the
+//! check of a sequence and, through it, everything that shows or composites a frame ask here.
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use super::events::Status;
+use super::file_state::FileMemory;
+use super::job::{Change, FrameSettings};
+use super::manifest::{Entry, Manifest};
+use crate::io::sequence::Sequence;
+use crate::plan::window::Neighbour;
+
+/// What is not as it was when a frame was denoised.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StaleKind {
+    /// The dial.
+    Lambda,
+    /// The window, or whether there are motion vectors for one.
+    Window,
+    /// The view layers.
+    Layers,
+    /// The stereo view.
+    View,
+    /// The view layer that the vectors come from.
+    VectorLayer,
+    /// The guides that may be used.
+    Guides,
+    /// The names of the passes.
+    Passes,
+    /// The light passes.
+    Aovs,
+    /// Whether the input is kept.
+    KeepNoisy,
+    /// The rules by which work is left out.
+    Skip,
+    /// The weights.
+    Model,
+    /// The renderer.
+    Renderer,
+    /// More than one setting.
+    Several,
+    /// The rendered frame is another one.
+    InputChanged,
+    /// The rendered frame is gone.
+    InputMissing,
+    /// The rendered frame is damaged.
+    InputDamaged,
+    /// A frame beside it changed, came or went.
+    Neighbours,
+    /// The denoised file is damaged.
+    OutputDamaged,
+    /// The denoised file is not the one that was written.
+    OutputChanged,
+    /// The run that was to make it again was stopped.
+    Unfinished,
+    /// Denoising it failed.
+    Failed,
+    /// Hush did not write it.
+    Foreign,
+}
+
+/// Why a denoised frame is not current.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Stale {
+    /// What is different.
+    pub kind: StaleKind,
+    /// In words, after a colon: `the input changed`.
+    pub reason: String,
+}
+
+impl Stale {
+    /// Of this kind, for this reason.
+    pub(super) fn new(kind: StaleKind, reason: impl Into<String>) -> Self {
+        Self { kind, reason: reason.into() }
+    }
+}
+
+/// What a frame would be made from and with now.
+pub(super) struct Wanted<'a> {
+    /// The rendered frames.
+    pub sequence: &'a Sequence,
+    /// The settings, λ that of the frame.
+    pub settings: &'a FrameSettings,
+    /// The frames around it.
+    pub window: &'a [Neighbour],
+}
+
+/// Why the output that `entry` describes is not current; None where it is.
+pub(super) fn why_stale(
+    entry: &Entry,
+    output: &Path,
+    wanted: &Wanted<'_>,
+    manifest: &Manifest,
+    files: &mut FileMemory,
+) -> Option<Stale> {
+    let stale = |kind, reason: &str| Some(Stale::new(kind, reason));
+    match entry.status {
+        Status::Planned => return stale(StaleKind::Unfinished, "it was not finished"),
+        Status::Failed => return stale(StaleKind::Failed, "it failed before"),
+        Status::Denoised | Status::Skipped => {}
+    }
+    if entry.settings != wanted.settings.key() {
+        return Some(settings_changed(manifest.settings.get(&entry.settings), wanted.settings));
+    }
+    let path = wanted.sequence.path(entry.frame);
+    if path.is_none_or(|path| !path.exists()) {
+        return stale(StaleKind::InputMissing, "the input is gone");
+    }
+    if entry.stamp.is_none() || !files.is_same(path, entry.stamp) {
+        return stale(StaleKind::InputChanged, "the input changed");
+    }
+    if !same_window(entry, wanted, files) {
+        return stale(StaleKind::Neighbours, "frames beside it changed");
+    }
+    if !files.is_complete(output) {
+        return stale(StaleKind::OutputDamaged, "the output is damaged");
+    }
+    if entry.output.is_some() && !files.is_same(Some(output), entry.output) {
+        return stale(StaleKind::OutputChanged, "the output is not the one that was written");
+    }
+    None
+}
+
+/// Whether the input of a frame is the one that it was made from.
+pub(super) fn same_input(entry: &Entry, sequence: &Sequence, files: &mut FileMemory) -> bool {
+    entry.stamp.is_some() && files.is_same(sequence.path(entry.frame), entry.stamp)
+}
+
+fn same_window(entry: &Entry, wanted: &Wanted<'_>, files: &mut FileMemory) -> bool {
+    let now = wanted.window.iter().map(|n| (n.offset, wanted.sequence.path(n.number)));
+    let then = entry.neighbours.iter().map(|n| (n.offset, n.stamp));
+    entry.neighbours.len() == wanted.window.len()
+        && now.zip(then).all(|((here, path), (there, state))| here == there && files.is_same(path, state))
+}
+
+fn settings_changed(old: Option<&FrameSettings>, new: &FrameSettings) -> Stale {
+    let changes = old.map(|old| new.changes_since(old)).unwrap_or_default();
+    match changes.as_slice() {
+        [] => Stale::new(StaleKind::Several, "the settings changed"),
+        [one] => Stale::new(one.kind, one.to_string()),
+        some => Stale::new(StaleKind::Several, some.iter().map(Change::to_string).collect::<Vec<_>>().join(", ")),
+    }
+}
