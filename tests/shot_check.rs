@@ -129,7 +129,8 @@ fn copies_and_touched_files_stay_current() {
     let entry = &shot.manifest().frames[&name(2)];
     let stamp = |path: &Path| hush::shot::Stamp::of(path);
     assert_eq!(entry.stamp.map(|s| s.stamp), stamp(&shot.input(2)), "the new date is known from then on");
-    assert_eq!(entry.neighbours[1].stamp.map(|s| s.stamp), stamp(&shot.input(3)));
+    let beside = entry.neighbours.iter().find(|n| n.frame == 3).unwrap();
+    assert_eq!(beside.stamp.map(|s| s.stamp), stamp(&shot.input(3)));
     assert_eq!(entry.output.map(|s| s.stamp), stamp(&shot.output(2)));
 }
 
@@ -162,6 +163,18 @@ fn the_check_and_the_run_agree() {
     assert_eq!(shot.run(&job).log.with(Status::Skipped), current);
     assert_eq!(current, [3]);
     assert_eq!(check(&job).counts.current, 6);
+}
+
+#[test]
+fn one_frame_is_asked_about_as_the_whole_shot_is() {
+    let shot = Shot::new(1..=4, Look::default());
+    write_frame(&shot.input(4), 4, Look { vector: None, ..Look::default() });
+    shot.run(&shot.job());
+    assert_eq!(check(&shot.job()).counts.current, 4);
+    for number in 1..=4 {
+        let alone = check(&Job { frames: Some(number.to_string().parse().unwrap()), ..shot.job() });
+        assert_eq!(alone.counts.current, 1, "frame {number}: {:?}", alone.frames);
+    }
 }
 
 #[test]

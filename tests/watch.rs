@@ -117,7 +117,8 @@ fn shots_in_subfolders_are_mirrored_and_folders_may_go_and_come() {
     fs::remove_dir_all(scene.path("in")).unwrap();
     watch.until("the folder's end", |w| w.named("waiting").last().is_some_and(|e| e["input"] == false));
     shot("in/a/beauty", "b_", 1..=4);
-    watch.until("the new frame", |w| w.denoised().len() == 5 + 4);
+    // Frame 1 and all that helped it have the same bytes as before.
+    watch.until("the new frame", |w| w.denoised().len() == 5 + 3);
     watch.stop();
     scene.assert_like_a_plain_run("in/a/beauty", "out/a/beauty");
     assert_eq!(scene.names("out/a"), ["beauty", "f.007.exr", "f.008.exr"], "what was made of files that are gone stays");

@@ -17,7 +17,7 @@ use super::prepare::{Sources, open_sources, resolve_window};
 use crate::error::{Error, Result};
 use crate::io::{NumberPattern, split_number};
 use crate::plan::checks::Header;
-use crate::plan::window::neighbours;
+use crate::plan::window::{DEFAULT_WINDOW, neighbours};
 
 /// More frames than this are not listed one by one.
 const MOST: usize = 1_000_000;
@@ -143,7 +143,8 @@ impl Look<'_> {
         let entry = recorded.map(|(_, entry)| *entry);
         let damaged = self.damage(number, input);
         let (state, stale) = match (&output, input) {
-            (Some(output), _) => match self.why_stale(number, output, entry, damaged) {
+            (Some(_), None) => (FrameState::Stale, Some(Stale::new(StaleKind::InputMissing, "the input is gone"))),
+            (Some(output), Some(_)) => match self.why_stale(number, output, entry, damaged) {
                 None => (FrameState::Current, None),
                 stale => (FrameState::Stale, stale),
             },
@@ -178,12 +179,24 @@ impl Look<'_> {
             return Some(Stale::new(StaleKind::InputDamaged, reason));
         }
         let settings = match self.settings {
-            Ok(settings) => FrameSettings { lambda: self.job.lambda.at(number), ..settings.clone() },
+            Ok(settings) => FrameSettings {
+                lambda: self.job.lambda.at(number),
+                window: self.window_of(number, entry, settings.window),
+                ..settings.clone()
+            },
             Err(error) => return Some(Stale::new(StaleKind::Window, error.to_string())),
         };
         let window = neighbours(number, settings.window, |n| self.sources.known(n));
         let wanted = Wanted { sequence: &self.job.sequence, settings: &settings, window: &window };
         why_stale(entry, output, &wanted, self.manifest, self.files)
+    }
+
+    /// The window of a frame. Without vectors of its own a frame has the window of its shot, of which not every frame is looked at.
+    fn window_of(&self, number: i64, entry: &Entry, window: usize) -> usize {
+        let vector = self.sources.good.get(&number).is_some_and(|source| source.header.vector);
+        let then = self.manifest.settings.get(&entry.settings).map(|settings| settings.window);
+        let same = then.filter(|then| *then == 0 || *then == DEFAULT_WINDOW);
+        if self.job.window.is_none() && !vector { same.unwrap_or(window) } else { window }
     }
 }
 

@@ -106,9 +106,6 @@ pub(super) fn why_stale(
         return Some(settings_changed(manifest.settings.get(&entry.settings), wanted.settings));
     }
     let path = wanted.sequence.path(entry.frame);
-    if path.is_none_or(|path| !path.exists()) {
-        return stale(StaleKind::InputMissing, "the input is gone");
-    }
     if entry.stamp.is_none() || !files.is_same(path, entry.stamp) {
         return stale(StaleKind::InputChanged, "the input changed");
     }
