@@ -44,7 +44,8 @@ def denoise_sequence(
     a run that was stopped is continued by calling this again. The GIL is released while it works.
 
     Args:
-        inputs: A folder, a pattern (`frame_####.exr`, `frame_%04d.exr`, a glob), a file, or several of them; one sequence in all.
+        inputs: A folder, a pattern (`frame_####.exr`, `frame_%04d.exr`, a glob), a file, or several of them; one sequence in all. Of
+            files that are named, the others of their sequence beside them are not written, but help.
         output: The folder to write to, created if need be; never the folder of the inputs.
         frames: Frames to write, `"1-48,60"` or numbers; None for all. The ones beside them still help.
         lam: λ from 1 (cleanest) to 64 (keeps grain and the detail hidden in it), or a mapping from frame number to λ: linear between
@@ -52,7 +53,8 @@ def denoise_sequence(
         window: Frames on each side that help, 0 to 3; None for 2 where there is a Vector pass, else 0.
         layers: View layers to denoise; none for the one with the most samples, `("all",)` for all.
         view: Stereo view to denoise; None for all.
-        vector_layer: View layer to take the Vector pass from; None for the layer that is denoised.
+        vector_layer: View layer to take the Vector pass from; None for `Hush Vectors`, which Prepare Shot makes, else the layer that
+            is denoised.
         aovs: Light passes to denoise along, or `("all",)`.
         albedo: Use Denoising Albedo.
         normal: Use Denoising Normal.
