@@ -79,6 +79,11 @@ impl Job {
         }
     }
 
+    /// Whether a frame is to be written; others only help.
+    pub(crate) fn wants(&self, number: i64) -> bool {
+        self.frames.as_ref().is_none_or(|set| set.contains(number)) && self.sequence.is_named(number)
+    }
+
     /// Frames on each side that may help, before it is known whether there are motion vectors.
     ///
     /// # Errors
@@ -89,7 +94,7 @@ impl Job {
             return Ok(reach);
         }
         if self.window.is_some_and(|w| w > 0) {
-            let reason = "needs motion vectors, which are switched off: pass --window 0 or leave the Vector pass on";
+            let reason = "needs motion vectors, which are switched off: set window to 0 or leave the Vector pass on";
             return Err(Error::BadSetting { name: "window", reason: reason.into() });
         }
         Ok(0)
@@ -201,11 +206,13 @@ impl FrameSettings {
 
     /// What changed since `old`, in words: `lambda 1 → 4, window 0 → 2`.
     pub(super) fn changes_since(&self, old: &Self) -> String {
-        let opt = |o: &Option<String>| o.clone().unwrap_or_else(|| "default".into());
+        let list = |names: &[String], none: &str| if names.is_empty() { none.to_owned() } else { names.join("+") };
+        let layers = |s: &Self| list(&s.layers, "the one with the most samples");
+        let opt = |o: &Option<String>, none: &str| o.clone().unwrap_or_else(|| none.into());
         let model = |m: &ModelId| m.hash.as_ref().map_or(m.name.clone(), |h| format!("{} ({h})", m.name));
         let guides = |g: &GuideSettings| {
             let on = [("albedo", g.albedo), ("normal", g.normal), ("depth", g.depth), ("vector", g.vector)];
-            on.iter().filter(|(_, on)| *on).map(|(name, _)| *name).collect::<Vec<_>>().join("+")
+            list(&on.iter().filter(|(_, on)| *on).map(|(name, _)| name.to_string()).collect::<Vec<_>>(), "none")
         };
         let passes = |p: &PassNames| {
             let named =
@@ -220,16 +227,16 @@ impl FrameSettings {
         let pairs = [
             ("lambda", old.lambda.to_string(), self.lambda.to_string()),
             ("window", old.window.to_string(), self.window.to_string()),
-            ("layers", old.layers.join("+"), self.layers.join("+")),
-            ("view", opt(&old.view), opt(&self.view)),
-            ("vector layer", opt(&old.vector_layer), opt(&self.vector_layer)),
+            ("layers", layers(old), layers(self)),
+            ("view", opt(&old.view, "all"), opt(&self.view, "all")),
+            ("vector layer", opt(&old.vector_layer, "as the file has it"), opt(&self.vector_layer, "as the file has it")),
             ("guides", guides(&old.guides), guides(&self.guides)),
             ("pass names", passes(&old.passes), passes(&self.passes)),
-            ("AOVs", old.aovs.join("+"), self.aovs.join("+")),
+            ("AOVs", list(&old.aovs, "none"), list(&self.aovs, "none")),
             ("keep noisy", old.keep_noisy.to_string(), self.keep_noisy.to_string()),
             ("left out", rules(old.skip), rules(self.skip)),
             ("model", model(&old.model), model(&self.model)),
-            ("renderer", opt(&old.renderer), opt(&self.renderer)),
+            ("renderer", opt(&old.renderer, DEFAULT_RENDERER), opt(&self.renderer, DEFAULT_RENDERER)),
         ];
         let changed = pairs.iter().filter(|(_, a, b)| a != b).map(|(name, a, b)| format!("{name} {a} → {b}"));
         changed.collect::<Vec<_>>().join(", ")
@@ -249,7 +256,7 @@ mod tests {
 
     fn job() -> Job {
         let frames = vec![SequenceFrame { number: 1, path: "a.exr".into() }];
-        Job::new(Sequence { name: "a.exr".into(), frames, ignored: Vec::new() }, "out")
+        Job::new(Sequence { name: "a.exr".into(), frames, ignored: Vec::new(), named: None }, "out")
     }
 
     #[test]
@@ -264,9 +271,16 @@ mod tests {
         let b = Job { lambda: "1:4,5:8".parse().unwrap(), ..job() }.settings(0, 1).unwrap();
         assert_eq!(b.changes_since(&a), "lambda 1 → 4, window 2 → 0");
         let c = Job { skip: Skip::NONE, ..job() }.settings(2, 1).unwrap();
+        let mut all = job();
+        all.selection.layers = vec!["all".into()];
+        all.selection.aovs = vec!["all".into()];
+        all.selection.guides = Guides { albedo: false, normal: false, depth: false, vector: false };
+        let (all, one) = (all.settings(2, 1).unwrap(), &a);
+        let told = "layers all → the one with the most samples, guides none → albedo+normal+depth+vector, AOVs all → none";
+        assert_eq!(one.changes_since(&all), told);
         assert_eq!(c.changes_since(&a), "left out constant+opaque+untrusted+still → nothing");
         let d = Job { renderer: Some("Mitsuba".into()), ..job() }.settings(2, 1).unwrap();
-        assert_eq!(d.changes_since(&a), "renderer default → mitsuba");
+        assert_eq!(d.changes_since(&a), "renderer cycles → mitsuba");
         assert_eq!(Job { renderer: Some("cycles".into()), ..job() }.settings(2, 1).unwrap(), a);
         assert!(!serde_json::to_string(&a).unwrap().contains("renderer"), "manifests of before must keep their keys");
         assert!(a.key() != b.key() && a.key() == job().settings(2, 9).unwrap().key());

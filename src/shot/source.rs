@@ -3,7 +3,9 @@
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
 
-use crate::error::Result;
+use ndarray::Axis;
+
+use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::io::{Layout, Resolved, Selection, caveats, read_frame, read_layout, resolve_views};
 use crate::plan::checks::Header;
@@ -56,8 +58,17 @@ impl Source {
     }
 
     /// Decodes the views.
+    ///
+    /// # Errors
+    /// The file is damaged, or a view holds nothing but NaN and infinities.
     pub fn read(&self) -> Result<Vec<Frame>> {
-        self.views.iter().map(|view| read_frame(&self.layout, view)).collect()
+        let read = |view| {
+            let frame = read_frame(&self.layout, view)?;
+            let finite = frame.colour.lanes(Axis(2)).into_iter().any(|pixel| pixel.iter().all(|v| v.is_finite()));
+            let bad = || Error::bad_file(&self.path, format!("{} holds no finite pixel: render it again", view.colour.label()));
+            if finite { Ok(frame) } else { Err(bad()) }
+        };
+        self.views.iter().map(read).collect()
     }
 
     /// About the bytes of the decoded frame.
