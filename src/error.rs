@@ -10,7 +10,7 @@ pub type Result<T, E = Error> = std::result::Result<T, E>;
 #[non_exhaustive]
 pub enum Error {
     /// The operating system refused a file operation.
-    #[error("{path}: {source}")]
+    #[error("{path}: {}", plain(.source))]
     Io { path: PathBuf, source: std::io::Error },
     /// A file is not what it claims to be: truncated, garbage, or a header that cannot be true.
     #[error("{path}: {reason}")]
@@ -34,11 +34,20 @@ pub enum Error {
     #[error("{what} needs {needed} MiB, {allowed} MiB are allowed: {advice}")]
     Memory { what: String, needed: u64, allowed: u64, advice: String },
     /// The shot's settings say that it is not to be denoised.
-    #[error("denoising is switched off for this shot by {by}: nothing was done; pass --enable to denoise it all the same")]
+    #[error("denoising is switched off for this shot by {by}: nothing was done; set enable to true to denoise it all the same")]
     SwitchedOff { by: String },
     /// The user stopped the run.
     #[error("stopped")]
     Cancelled,
+}
+
+/// An error of the system in words, without its number.
+pub(crate) fn plain(error: &std::io::Error) -> String {
+    let text = error.to_string();
+    match (error.kind(), error.raw_os_error()) {
+        (std::io::ErrorKind::NotFound, Some(_)) => "there is no such file or folder".into(),
+        _ => text.split(" (os error").next().unwrap_or_default().into(),
+    }
 }
 
 impl Error {
@@ -50,5 +59,21 @@ impl Error {
     /// An [`Error::BadFile`] for `path`.
     pub fn bad_file(path: impl Into<PathBuf>, reason: impl Into<String>) -> Self {
         Self::BadFile { path: path.into(), reason: reason.into() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_systems_numbers_are_not_told() {
+        let missing = std::fs::read("/no/such/file").unwrap_err();
+        assert_eq!(Error::io("a.exr", missing).to_string(), "a.exr: there is no such file or folder");
+        let refused = std::fs::read(".").unwrap_err();
+        let text = Error::io("a.exr", refused).to_string();
+        assert!(text.starts_with("a.exr: ") && !text.contains("os error"), "{text}");
+        let told = std::io::Error::new(std::io::ErrorKind::NotFound, "there is no folder a");
+        assert_eq!(Error::io("a/b.exr", told).to_string(), "a/b.exr: there is no folder a");
     }
 }

@@ -22,6 +22,7 @@ pub mod shot;
 pub mod simd;
 pub mod stability;
 pub mod watch;
+mod words;
 
 pub use engine::{Denoised, EncodedFrame, Engine, Settings};
 pub use error::{Error, Result};

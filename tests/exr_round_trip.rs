@@ -248,6 +248,70 @@ fn a_named_single_part_gets_a_second_part_for_the_noisy_image() {
     }
 }
 
+/// As Blender 5 writes with the compositor on and, where `multipart`, each pass in a part of its own.
+fn composited(multipart: bool, more: &[(&str, &str)]) -> Vec<Part> {
+    let sample = SampleType::F16;
+    let mut passes = vec![("Composite.Combined", "RGBA"), ("Hush Vectors.Vector", "XYZW")];
+    passes.extend([("ViewLayer.Combined", "RGBA"), ("ViewLayer.Denoising Albedo", "RGB"), ("ViewLayer.Mist", "Z")]);
+    passes.extend(more);
+    let channels = |(seed, (name, letters)): (usize, &(&str, &str))| pass(name, letters, sample, SIZE, seed as u64);
+    match multipart {
+        true => {
+            let part = |(seed, pass): (usize, &(&str, &str))| Part {
+                name: Some(pass.0.to_string()),
+                channels: channels((seed, pass)),
+                ..Part::default()
+            };
+            passes.iter().enumerate().map(part).collect()
+        }
+        false => vec![Part { channels: passes.iter().enumerate().flat_map(channels).collect(), ..Part::default() }],
+    }
+}
+
+#[test]
+fn denoised_files_open_denoised() {
+    for (multipart, compression) in [(true, Compression::ZIP16), (false, Compression::ZIP16), (true, Compression::DWAA(None))] {
+        for options in [WriteOptions::default(), KEEP] {
+            let what = format!("multipart {multipart}, {compression:?}, keep noisy {}", options.keep_noisy);
+            let (_folder, source, output) = folder();
+            write(&source, composited(multipart, &[]), Style::new(compression));
+            denoise(&source, &output, &Selection::default(), &options);
+            let ((_, old), (meta, new)) = (read(&source), read(&output));
+            let first = meta.headers[0].channels.list.iter().find(|c| c.name.to_string().contains("Combined")).unwrap();
+            assert_eq!(first.name.to_string(), "ViewLayer.Combined.A", "{what}");
+            for ((view, name), (sample, bits)) in old.iter().filter(|((_, name), _)| !name.starts_with("Composite.")) {
+                let (new_sample, new_bits) = &new[&(view.clone(), name.clone())];
+                let same = sample == new_sample && bits == new_bits;
+                assert_eq!(same, !name.starts_with("ViewLayer.Combined."), "{what}: {name}");
+            }
+            let kept = if options.keep_noisy { 4 } else { 0 };
+            assert_eq!(new.len(), old.len() - 4 + kept, "{what}: {:?}", new.keys());
+            let layers: Vec<String> = read_layout(&output).unwrap().layers.into_iter().map(|l| l.name).collect();
+            // The one part's channels are sorted by name, which the format demands.
+            let expected = if multipart { ["ViewLayer", "Hush Vectors"] } else { ["Hush Vectors", "ViewLayer"] };
+            assert_eq!(layers, expected, "{what}");
+        }
+    }
+    // What only the part that is left out says is said by the next.
+    let (_folder, source, output) = folder();
+    let mut parts = composited(true, &[]);
+    parts[0].attributes = vec![("Frame".into(), "007".into())];
+    write(&source, parts, Style::new(Compression::ZIP16));
+    denoise(&source, &output, &Selection::default(), &WriteOptions::default());
+    assert_eq!(read_layout(&output).unwrap().frame, Some(7));
+    assert_eq!(read(&output).0.headers[0].own_attributes.layer_name.as_ref().unwrap().to_string(), "ViewLayer.Combined");
+    // An artist's own layer of that name is no such thing.
+    let (_folder, source, output) = folder();
+    write(&source, composited(true, &[("Composite.Mist", "Z")]), Style::new(Compression::ZIP16));
+    denoise(&source, &output, &Selection { layers: vec!["ViewLayer".into()], ..Selection::default() }, &KEEP);
+    assert_eq!(read(&output).1.len(), read(&source).1.len() + 4);
+    // Named, it is what is denoised.
+    let (_folder, source, output) = folder();
+    write(&source, composited(true, &[]), Style::new(Compression::ZIP16));
+    denoise(&source, &output, &Selection { layers: vec!["Composite".into()], ..Selection::default() }, &WriteOptions::default());
+    compare(&source, &output, |_, name| name.starts_with("Composite."), 0, 0.0, "Composite, named");
+}
+
 #[test]
 fn noisy_image_wins_and_stays() {
     for multipart in [false, true] {

@@ -33,7 +33,7 @@ fn the_layer_with_the_most_samples_wins() {
     let (_folder, layout) = layout_of(&passes, &samples, Compression::ZIP16);
     let resolved = resolve(&layout, &Selection::default()).unwrap();
     assert_eq!(resolved.layer, "ViewLayer");
-    assert!(resolved.notes[0].contains("A vectors, Composite"), "{:?}", resolved.notes);
+    assert!(resolved.notes[0].contains("A vectors stays as it is"), "{:?}", resolved.notes);
     let borrowed = Selection { vector_layer: Some("A vectors".into()), ..Selection::default() };
     assert_eq!(resolve(&layout, &borrowed).unwrap().vector.unwrap().layer, "A vectors");
     let unknown = Selection { layers: vec!["Nope".into()], ..Selection::default() };
@@ -63,6 +63,72 @@ fn several_layers_are_denoised_in_one_go() {
     assert_eq!(found(&["B", "A", "B"], None).unwrap(), on(&[("B", false), ("A", false)]));
     assert_eq!(found(&["all"], None).unwrap().len(), 3);
     assert!(matches!(found(&["A", "C"], None), Err(Error::MissingPass { .. })));
+}
+
+#[test]
+fn a_layer_made_for_vectors_gives_them_and_is_not_denoised() {
+    let passes = [
+        ("Hush Vectors.Combined", "RGBA"),
+        ("Hush Vectors.Vector", "XYZW"),
+        ("Hush Vectors.001.Combined", "RGBA"),
+        ("Hush Vectorscope.Combined", "RGBA"),
+        ("ViewLayer.Combined", "RGBA"),
+        ("ViewLayer.Vector", "XYZW"),
+    ];
+    // More samples than the others would win, were it a layer like them.
+    let samples = [("cycles.Hush Vectors.samples", "64"), ("cycles.ViewLayer.samples", "4")];
+    let (_folder, layout) = layout_of(&passes, &samples, Compression::ZIP16);
+    let found = |layers: &[&str], vectors: Option<&str>| {
+        let layers = layers.iter().map(|l| l.to_string()).collect();
+        let selection = Selection { layers, vector_layer: vectors.map(Into::into), ..Selection::default() };
+        let views = resolve_views(&layout, &selection).unwrap();
+        views.into_iter().map(|v| (v.layer, v.vector.unwrap().layer)).collect::<Vec<_>>()
+    };
+    let pairs = |pairs: &[(&str, &str)]| pairs.iter().map(|(a, b)| (a.to_string(), b.to_string())).collect::<Vec<_>>();
+    assert_eq!(found(&[], None), pairs(&[("ViewLayer", "Hush Vectors")]));
+    let all = pairs(&[("Hush Vectorscope", "Hush Vectors"), ("ViewLayer", "Hush Vectors")]);
+    assert_eq!(found(&["all"], None), all);
+    assert_eq!(found(&["ViewLayer"], Some("ViewLayer")), pairs(&[("ViewLayer", "ViewLayer")]), "what is named goes first");
+    assert_eq!(found(&["Hush Vectors"], None), pairs(&[("Hush Vectors", "Hush Vectors")]));
+    let off = Selection { guides: Guides { vector: false, ..Guides::default() }, ..Selection::default() };
+    assert_eq!(resolve(&layout, &off).unwrap().vector, None);
+    let text = inspect(&layout.path).unwrap().describe();
+    assert!(text.contains("vector                   Hush Vectors.Vector"), "{text}");
+    assert!(text.contains("The motion vectors come from the view layer Hush Vectors, which Prepare Shot made"), "{text}");
+    assert!(text.contains("ViewLayer is denoised, Hush Vectorscope stays as it is."), "{text}");
+}
+
+#[test]
+fn a_file_with_nothing_but_the_layer_made_for_vectors_says_so() {
+    let passes = [("Hush Vectors.001.Combined", "RGBA"), ("Hush Vectors.001.Vector", "XYZW")];
+    let (_folder, layout) = layout_of(&passes, &[], Compression::ZIP16);
+    let refused = resolve(&layout, &Selection::default()).unwrap_err().to_string();
+    assert!(refused.contains("Hush Vectors.001 is there for motion vectors only"), "{refused}");
+    // One without vectors is no help, and the layer's own stay.
+    let passes = [("Hush Vectors.Combined", "RGBA"), ("V.Combined", "RGBA"), ("V.Vector", "XYZW")];
+    let (_folder, layout) = layout_of(&passes, &[], Compression::ZIP16);
+    assert_eq!(resolve(&layout, &Selection::default()).unwrap().vector.unwrap().layer, "V");
+    let (_folder, layout) = layout_of(&passes[..2], &[], Compression::ZIP16);
+    let resolved = resolve(&layout, &Selection::default()).unwrap();
+    assert_eq!(resolved.missing.iter().filter(|m| m.pass == "Vector").count(), 1);
+}
+
+#[test]
+fn what_came_out_of_the_compositor_is_no_view_layer() {
+    let passes = [("Composite.Combined", "RGBA"), ("ViewLayer.Combined", "RGBA"), ("Z.Combined", "RGBA")];
+    let (_folder, layout) = layout_of(&passes, &[], Compression::ZIP16);
+    assert_eq!(resolve(&layout, &Selection::default()).unwrap().layer, "ViewLayer");
+    let layers = |name: &str| {
+        let selection = Selection { layers: vec![name.into()], ..Selection::default() };
+        resolve_views(&layout, &selection).unwrap().into_iter().map(|v| v.layer).collect::<Vec<_>>()
+    };
+    assert_eq!((layers("all"), layers("Composite")), (vec!["ViewLayer".into(), "Z".into()], vec!["Composite".to_string()]));
+    assert!(inspect(&layout.path).unwrap().describe().contains("the denoised file is written without it"));
+    // Alone it is all there is; with samples or other passes it is an artist's layer of that name.
+    let (_folder, alone) = layout_of(&passes[..1], &[], Compression::ZIP16);
+    assert_eq!(resolve(&alone, &Selection::default()).unwrap().layer, "Composite");
+    let (_folder, own) = layout_of(&passes, &[("cycles.Composite.samples", "9")], Compression::ZIP16);
+    assert_eq!(resolve(&own, &Selection::default()).unwrap().layer, "Composite");
 }
 
 #[test]
@@ -126,7 +192,7 @@ fn inspecting_tells_what_is_used_and_what_is_missing() {
         "ViewLayer.Combined\n",
         "Denoising Normal         enable View Layer › Passes › Data › Denoising Data",
         "Vector                   enable View Layer › Passes › Data › Vector",
-        "(--aov): Combined_Key, DiffDir",
+        "(aovs): Combined_Key, DiffDir",
         "Note: DWAB compression is lossy",
     ] {
         assert!(text.contains(expected), "{expected:?} is not in\n{text}");

@@ -57,6 +57,25 @@ fn a_still_shot_is_copied_and_timed() {
 }
 
 #[test]
+fn alpha_that_is_one_everywhere_is_left_out() {
+    use exr::prelude::{AnyChannel, FlatSamples, WritableImage, read_first_flat_layer_from_file};
+    let shot = Shot::new(1..=2, Look::default());
+    for number in 1..=2 {
+        let mut image = read_first_flat_layer_from_file(shot.input(number)).unwrap();
+        let list = &mut image.layer_data.channel_data.list;
+        list.push(AnyChannel::new("ViewLayer.Combined.A", FlatSamples::F32(vec![1.0; 24 * 16])));
+        list.sort_by_key(|channel| channel.name.to_string());
+        image.write().to_file(shot.input(number)).unwrap();
+    }
+    let found = plan(&shot, &["--no-timing"]);
+    assert_eq!((&rule(&found, "opaque")["frames"], &rule(&found, "opaque")["mean"]), (&2.into(), &1.0.into()));
+    let words = text(&hush(&shot, &["plan", "shot", "--no-timing"]).stdout);
+    assert!(words.contains("leaves out alpha in 2 of 2 frames"), "{words}");
+    let none = plan(&Shot::new(1..=2, Look::default()), &["--no-timing"]);
+    assert_eq!(rule(&none, "opaque")["frames"], 0, "there is no alpha");
+}
+
+#[test]
 fn a_bad_frame_shows_in_the_exit_code() {
     let shot = Shot::new(1..=3, Look::default());
     shot.truncate(2);

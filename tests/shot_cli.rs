@@ -105,6 +105,54 @@ fn wrong_usage_is_exit_code_one() {
 }
 
 #[test]
+fn what_is_not_there_is_said_in_words() {
+    let shot = Shot::new([], Look::default());
+    std::fs::create_dir(shot.dir.path().join("odd")).unwrap();
+    std::fs::write(shot.dir.path().join("odd/a_0001.png.exr"), b"").unwrap();
+    for (input, expected) in [
+        ("nowhere/f_####.exr", "nowhere/f_####.exr: there is no folder nowhere"),
+        ("nowhere/f_0001.exr", "nowhere/f_0001.exr: there is no folder nowhere"),
+        ("nowhere/*.exr", "nowhere/*.exr: there is no folder nowhere"),
+        ("nowhere", "nowhere: no such file or folder"),
+        ("shot", "shot: holds no .exr files"),
+        ("odd/a_0001.png", "name 'odd/a_####.png.exr'"),
+    ] {
+        let output = hush(&shot, &["denoise", input, "-o", "out"]);
+        assert_eq!(output.status.code(), Some(1), "{input}: {}", err(&output));
+        assert!(err(&output).contains(expected) && !err(&output).contains("os error"), "{input}: {}", err(&output));
+    }
+    let missing = hush(&shot, &["inspect", "nowhere.exr"]);
+    assert_eq!(err(&missing).trim(), "error: nowhere.exr: there is no such file or folder");
+}
+
+#[test]
+fn advice_names_options_here_and_settings_in_events() {
+    let shot = Shot::new(1..=2, Look { vector: None, ..Look::default() });
+    let lines = hush(&shot, &["denoise", "shot", "-o", "out"]);
+    assert!(err(&lines).contains("or pass --window 0"), "{}", err(&lines));
+    let json = hush(&shot, &["denoise", "shot", "-o", "out2", "--json"]);
+    let warning = events(&out(&json)).into_iter().find(|e| e["kind"] == "no_vector").unwrap();
+    assert!(warning["message"].as_str().unwrap().ends_with("or set window to 0"), "{warning}");
+    std::fs::remove_file(shot.out().join(hush::shot::MANIFEST)).unwrap();
+    let foreign = hush(&shot, &["denoise", "shot", "-o", "out"]);
+    assert!(err(&foreign).contains("(2 such files)") && err(&foreign).contains("pass --overwrite"), "{}", err(&foreign));
+}
+
+#[test]
+fn one_file_is_a_frame_of_its_shot() {
+    let shot = Shot::new(1..=4, Look::default());
+    let output = hush(&shot, &["denoise", "shot/f_0002.exr", "-o", "out"]);
+    assert_eq!(output.status.code(), Some(0), "{}", err(&output));
+    for part in ["f_####.exr: frame 2 of 4 frames there is denoised, those beside may help", "1 of 1 frame to denoise, window 2"]
+    {
+        assert!(err(&output).contains(part), "{part}: {}", err(&output));
+    }
+    assert_eq!(shot.manifest().frames[&name(2)].neighbours.iter().filter(|n| n.used).count(), 3);
+    let dry = hush(&shot, &["denoise", "shot/f_0003.exr", "-o", "out", "--dry-run"]);
+    assert!(out(&dry).contains("1 frame, window 2") && out(&dry).contains("frame 3: denoise with -2 -1 +1"), "{}", out(&dry));
+}
+
+#[test]
 fn help_and_version_are_good() {
     let shot = Shot::new([], Look::default());
     let help = hush(&shot, &["denoise", "--help"]);

@@ -3,9 +3,11 @@
 mod common;
 
 use std::fs;
+use std::path::{Path, PathBuf};
 
 use common::{Look, Shot, name, write_frame};
 use exr::prelude::Compression;
+use hush::io::sequence::Sequence;
 use hush::io::{Selection, read_frame, read_layout, resolve};
 use hush::shot::{Job, Status};
 
@@ -38,7 +40,7 @@ fn a_single_frame_and_a_lone_file_work() {
     assert_eq!(shot.written(), [name(7)]);
     let still = shot.dir.path().join("still.exr");
     write_frame(&still, 0, Look::default());
-    let job = Job::new(hush::io::sequence::Sequence::find(&[still]).unwrap(), shot.dir.path().join("stills"));
+    let job = Job::new(Sequence::find(&[still]).unwrap(), shot.dir.path().join("stills"));
     assert!(shot.run(&job).summary().is_complete());
     assert!(job.output.join("still.exr").is_file());
 }
@@ -52,6 +54,70 @@ fn frames_limit_what_is_written_but_not_what_helps() {
     assert_eq!(shot.written(), [name(4), name(5), name(9)]);
     assert_eq!(outcome.log.neighbours(4), [2, 3, 5, 6]);
     assert_eq!(outcome.log.neighbours(9), [7, 8]);
+}
+
+#[test]
+fn files_that_are_named_are_written_and_those_beside_them_help() {
+    let shot = Shot::new(1..=8, Look::default());
+    let job = |inputs: &[PathBuf]| Job::new(Sequence::find(inputs).unwrap(), shot.out());
+    let outcome = shot.run(&job(&[shot.input(3)]));
+    assert!(outcome.summary().is_complete());
+    assert_eq!((outcome.summary().frames, outcome.log.neighbours(3)), (1, vec![1, 2, 4, 5]));
+    assert_eq!(shot.written(), [name(3)]);
+    // As the shell or Hush itself spells a glob out.
+    for inputs in [vec![shot.input(6), shot.input(7)], vec![shot.folder().join("f_000[67].exr")]] {
+        let outcome = shot.run(&Job { overwrite: true, ..job(&inputs) });
+        assert_eq!((outcome.summary().written, outcome.log.neighbours(7)), (2, vec![5, 6, 8]));
+    }
+    assert_eq!(shot.written(), [3, 6, 7].map(name));
+    let both = Job { frames: Some("1-6".parse().unwrap()), overwrite: true, ..job(&[shot.input(6), shot.input(7)]) };
+    assert_eq!(shot.run(&both).summary().written, 1);
+    // The result is that of a run over the whole shot.
+    let bytes = fs::read(shot.output(3)).unwrap();
+    assert!(shot.run(&shot.job()).summary().is_complete());
+    assert_eq!(fs::read(shot.output(3)).unwrap(), bytes);
+    let all: Vec<PathBuf> = (1..=8).map(|n| shot.input(n)).collect();
+    assert_eq!(Sequence::find(&all).unwrap().named, None);
+}
+
+#[test]
+fn a_frame_step_is_told() {
+    let shot = Shot::new([1, 3, 5, 7, 11], Look::default());
+    let outcome = shot.run(&shot.job());
+    assert_eq!(outcome.log.kinds(), ["missing_frames", "frame_step"]);
+    let told = &outcome.log.warnings;
+    assert!(told[0].1.starts_with("missing frame 9:") && told[1].1.contains("2 apart"), "{told:?}");
+    assert!(outcome.log.neighbours(3).is_empty());
+    let whole = Shot::new([1, 3, 5, 7], Look::default());
+    assert_eq!(whole.run(&whole.job()).log.kinds(), ["frame_step"]);
+    let alone = whole.run(&Job { window: Some(0), overwrite: true, ..whole.job() });
+    assert_eq!(alone.log.kinds(), Vec::<&str>::new());
+}
+
+#[test]
+fn a_frame_without_a_finite_pixel_fails_and_the_others_do_without_it() {
+    let shot = Shot::new(1..=4, Look::default());
+    spoil(&shot.input(3));
+    let outcome = shot.run(&shot.job());
+    let summary = outcome.summary();
+    assert_eq!(
+        (summary.written, summary.failed.as_slice(), summary.degraded.as_slice()),
+        (3, [3].as_slice(), [1, 2, 4].as_slice())
+    );
+    let message = &outcome.log.errors.iter().find(|e| e.0 == Some(3)).unwrap().1;
+    assert!(message.ends_with("f_0003.exr: ViewLayer.Combined holds no finite pixel: render it again"), "{message}");
+    assert!(outcome.log.neighbours(4).is_empty() && !shot.output(3).exists());
+}
+
+/// Makes every colour of a frame NaN.
+fn spoil(path: &Path) {
+    use exr::prelude::{FlatSamples, WritableImage, read_first_flat_layer_from_file};
+    let mut image = read_first_flat_layer_from_file(path).unwrap();
+    for channel in image.layer_data.channel_data.list.iter_mut().filter(|c| c.name.to_string().contains("Combined")) {
+        let FlatSamples::F32(values) = &mut channel.sample_data else { panic!() };
+        values.fill(f32::NAN);
+    }
+    image.write().to_file(path).unwrap();
 }
 
 #[test]
@@ -74,7 +140,7 @@ fn a_gap_is_told_and_gone_around() {
     assert_eq!(outcome.log.neighbours(2), [1]);
     assert_eq!(outcome.log.neighbours(4), [5]);
     let strict = shot.run(&Job { strict: true, overwrite: true, ..shot.job() });
-    assert!(strict.error().contains("missing frames 3"), "{}", strict.error());
+    assert!(strict.error().contains("missing frame 3:"), "{}", strict.error());
 }
 
 #[test]
@@ -131,7 +197,7 @@ fn all_frames_bad_is_an_error() {
 fn without_vectors_the_window_falls_back_or_is_refused() {
     let shot = Shot::new(1..=3, Look { vector: None, ..Look::default() });
     let refused = shot.run(&Job { window: Some(1), ..shot.job() });
-    assert!(refused.error().contains("no Vector pass") && refused.error().contains("--window 0"), "{}", refused.error());
+    assert!(refused.error().contains("no Vector pass") && refused.error().contains("set window to 0"), "{}", refused.error());
     assert!(!shot.out().exists());
     let outcome = shot.run(&shot.job());
     assert!(outcome.summary().is_complete());
@@ -196,7 +262,7 @@ fn the_originals_are_safe() {
     }
     let inside = Job { output: shot.folder().join("denoised"), ..shot.job() };
     assert!(shot.run(&inside).summary().is_complete());
-    assert_eq!(hush::io::sequence::Sequence::find(&[shot.folder()]).unwrap().numbers(), [1, 2]);
+    assert_eq!(Sequence::find(&[shot.folder()]).unwrap().numbers(), [1, 2]);
     assert_eq!(fs::read(shot.input(1)).unwrap(), before);
 }
 

@@ -39,7 +39,7 @@ fn other_settings_make_the_frames_again_and_say_so() {
         (Job { window: Some(1), ..shot.job() }, "lambda 4 → 1, window 2 → 1"),
         (Job { keep_noisy: true, ..shot.job() }, "window 1 → 2, keep noisy false → true"),
         (Job { model: ModelId { name: "b".into(), hash: Some("1".into()) }, ..shot.job() }, "model embedded ("),
-        (Job { renderer: Some("mitsuba".into()), ..shot.job() }, "), renderer default → mitsuba"),
+        (Job { renderer: Some("mitsuba".into()), ..shot.job() }, "), renderer cycles → mitsuba"),
     ];
     for (job, expected) in changed {
         let outcome = shot.run(&job);
@@ -56,7 +56,11 @@ fn other_settings_make_the_frames_again_and_say_so() {
 fn where_lambda_follows_keys_only_the_frames_that_it_changes_are_made_again() {
     let shot = Shot::new(1..=4, Look::default());
     let job = |lambda: &str| Job { lambda: lambda.parse().unwrap(), ..shot.job() };
-    shot.run(&job("4"));
+    let outcome = shot.run(&job("1:100,2:4,4:200"));
+    assert_eq!(outcome.log.kinds(), ["setting"], "one warning for all keys");
+    let outcome = shot.run(&job("4"));
+    let told: Vec<&str> = outcome.log.warnings.iter().map(|w| w.1.as_str()).collect();
+    assert_eq!(told, ["frames 1,3-4 are made again: lambda has changed"]);
     let constant = fs::read(shot.output(2)).unwrap();
     let keyed = shot.run(&job("1:1,2:4,4:8"));
     assert_eq!(keyed.log.with(Status::Denoised), [1, 3, 4]);
@@ -98,7 +102,7 @@ fn files_of_others_are_left_alone() {
     fs::create_dir(shot.out()).unwrap();
     fs::write(shot.output(2), b"precious").unwrap();
     let refused = shot.run(&shot.job());
-    assert!(refused.error().contains("f_0002.exr") && refused.error().contains("--overwrite"), "{}", refused.error());
+    assert!(refused.error().contains("f_0002.exr") && refused.error().contains("set overwrite to true"), "{}", refused.error());
     assert_eq!(fs::read(shot.output(2)).unwrap(), b"precious");
     assert_eq!(shot.written(), [name(2)]);
     assert!(shot.run(&Job { overwrite: true, ..shot.job() }).summary().is_complete());

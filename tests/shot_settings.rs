@@ -150,7 +150,7 @@ fn what_is_wrong_is_named_with_file_and_prim() {
         ("", vec!["has no RenderPass and no RenderSettings prim"]),
         (
             r#"def RenderPass "A" { int hush:window = 1 } def RenderPass "B" { int hush:window = 1 }"#,
-            vec!["several render prims", "</Render/A>", "</Render/B>", "--usd FILE@/Render/A"],
+            vec!["several render prims", "</Render/A>", "</Render/B>", "such as FILE@/Render/A"],
         ),
         ("def RenderPass \"P\" {", vec!["shot.usda", "cannot be used; hush.toml"]),
     ] {

@@ -28,6 +28,8 @@ import numpy as np
 import OpenEXR
 
 COLUMNS, ROWS = 48, 27
+# A frame that is asked for and does not come, so that frames rendered again at the end find the watch still there.
+NEVER = 1_000_000
 
 
 def write_frame(path: Path, seed: int) -> None:
@@ -82,7 +84,8 @@ class Watcher:
     def start(self) -> None:
         """Starts it, its events appended to the log."""
         self.starts += 1
-        arguments = ["watch", self.folder / "in", "--output", self.folder / "out", "--frames", f"1-{self.settings.frames}", "--json"]
+        frames = f"1-{self.settings.frames},{NEVER}"
+        arguments = ["watch", self.folder / "in", "--output", self.folder / "out", "--frames", frames, "--json"]
         with self.log.open("ab") as log:
             self.process = subprocess.Popen([self.settings.hush, *arguments], stdout=log, stderr=subprocess.PIPE)
 

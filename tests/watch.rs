@@ -26,13 +26,12 @@ fn frames_are_denoised_while_they_land_each_once() {
     let aside = scene.path("in/.f_0006.exr.tmp");
     fs::write(&aside, scene.bytes(6)).unwrap();
     fs::rename(aside, scene.input(6)).unwrap();
-    watch.until_done(6);
+    let last = watch.finish(6);
     let mut denoised = watch.denoised();
     denoised.sort_unstable();
     assert_eq!(denoised, [1, 2, 3, 4, 5, 6], "each once");
     assert_eq!((watch.named("start").len(), watch.named("landed").len()), (1, 6));
-    let last = watch.stop();
-    assert_eq!((&last["event"], &last["written"], &last["interrupted"]), (&"done".into(), &6.into(), &true.into()));
+    assert_eq!(last["written"], 6);
     scene.assert_like_a_plain_run("in", "out");
 }
 
@@ -65,9 +64,8 @@ fn a_stub_is_given_up_after_a_while_and_redone_when_it_is_whole() {
     assert!(!scene.path("out").join(name(3)).exists());
     watch.until("a word about the stub", |w| !w.named("incomplete").is_empty());
     fs::write(scene.input(3), &bytes).unwrap();
-    watch.until_done(5);
+    watch.finish(5);
     assert_eq!(watch.denoised()[4..], [1, 2, 3, 4, 5]);
-    watch.stop();
     scene.assert_like_a_plain_run("in", "out");
 }
 
@@ -80,16 +78,16 @@ fn without_redo_what_is_done_stays() {
     let mut watch = scene.watch(&["--frames", "1-4", "--settle", "0.5", "--no-redo"]);
     watch.until_done(3);
     scene.land(3);
-    watch.until_done(4);
+    watch.finish(4);
     assert_eq!(watch.denoised(), [1, 2, 4, 3]);
-    watch.stop();
 }
 
 #[test]
 fn a_frame_rendered_again_takes_its_window_along() {
     let scene = Scene::new();
     (1..=7).for_each(|n| scene.land(n));
-    let mut watch = scene.watch(&["--frames", "1-7"]);
+    // A frame that never comes keeps it watching.
+    let mut watch = scene.watch(&["--frames", "1-7,99"]);
     watch.until_done(7);
     write_slowly(&scene.input(4), &scene.bytes(99), 3, PAUSE);
     watch.until("the window", |w| w.denoised().len() == 12);
@@ -129,7 +127,7 @@ fn the_folder_may_come_later_and_hold_the_outputs() {
     let scene = Scene::new();
     fs::remove_dir(scene.path("in")).unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_hush"));
-    command.current_dir(scene.dir.path()).args(["watch", "in/f_####.exr", "-o", "in/clean", "--json", "--frames", "1-3"]);
+    command.current_dir(scene.dir.path()).args(["watch", "in/f_####.exr", "-o", "in/clean", "--json", "--frames", "1-3,99"]);
     let mut watch = Watch::start(command);
     watch.until("a word about the folder", |w| w.named("waiting").iter().any(|e| e["input"] == false));
     fs::create_dir(scene.path("in")).unwrap();
@@ -150,10 +148,9 @@ fn scanning_does_as_well_as_events() {
     scene.land(2);
     write_slowly(&scene.input(3), &scene.bytes(3), 4, PAUSE);
     scene.land(4);
-    watch.until_done(4);
+    watch.finish(4);
     assert_eq!(watch.named("watching")[0]["polling"], true);
     assert_eq!(watch.denoised().len(), 4);
-    watch.stop();
     scene.assert_like_a_plain_run("in", "out");
 }
 
@@ -174,11 +171,11 @@ fn killed_watches_lose_nothing_and_do_little_twice() {
         }
     }
     let mut watch = scene.watch(&["--frames", "1-40"]);
-    watch.until_done(40);
+    let last = watch.finish(40);
     total += watch.denoised().len();
     // What was done in the last second before a kill may be done again.
     assert!(total < 40 + 4 * 16, "{total} frames denoised for 40");
-    let skipped = watch.stop()["skipped"].as_u64().unwrap();
+    let skipped = last["skipped"].as_u64().unwrap();
     assert!(skipped > 0, "what was done before is not done again");
     scene.assert_like_a_plain_run("in", "out");
 }
@@ -192,14 +189,13 @@ fn two_watchers_share_the_work() {
         write_frame(&scene.input(n), n, look);
         std::thread::sleep(Duration::from_millis(20));
     }
-    watches.iter_mut().for_each(|w| w.until_done(60));
+    watches.iter_mut().for_each(|w| _ = w.finish(60));
     let each: Vec<usize> = watches.iter().map(|w| w.denoised().len()).collect();
     let mut all: Vec<i64> = watches.iter().flat_map(Watch::denoised).collect();
     all.sort_unstable();
     assert_eq!(all, (1..=60).collect::<Vec<_>>(), "none twice, none missed: {each:?}");
     assert!(each.iter().all(|n| *n > 0), "both work: {each:?}");
     assert!(scene.names("out").iter().all(|n| n.ends_with(".exr") || n == ".hush-claims"));
-    watches.into_iter().for_each(|w| _ = w.stop());
     scene.assert_like_a_plain_run("in", "out");
 }
 
@@ -222,6 +218,29 @@ fn once_does_what_is_there_and_stops() {
     let (code, last) = scene.watch(&["--once", "--frames", "1-7"]).end();
     assert_eq!((code, &last["missing"]), (Some(2), &"6-7".into()));
     scene.assert_like_a_plain_run("in", "out");
+}
+
+#[test]
+fn with_several_shots_it_ends_when_each_has_its_frames() {
+    let scene = Scene::new();
+    let land = |shot: &str, n: i64| write_frame(&scene.path("in").join(format!("{shot}_{n:04}.exr")), n, Look::default());
+    let mut watch = scene.watch(&["--frames", "1-4", "--settle", "0.5"]);
+    watch.until("a word about the empty folder", |w| !w.named("waiting").is_empty());
+    land("logo", 100);
+    (1..=3).for_each(|n| land("a", n));
+    [2, 4].into_iter().for_each(|n| land("b", n));
+    watch.until("what is there", |w| w.denoised().len() == 5);
+    let missing = Watch::stop(watch)["missing"].clone();
+    assert_eq!(missing, "a_####.exr 4; b_####.exr 1,3");
+    let mut watch = scene.watch(&["--frames", "1-4", "--settle", "0.5"]);
+    land("a", 4);
+    watch.until("a's last frame", |w| w.denoised().contains(&4));
+    [1, 3].into_iter().for_each(|n| land("b", n));
+    let last = watch.finish(8);
+    assert_eq!(last["failed"], serde_json::json!([]));
+    assert_eq!(scene.names("out").iter().filter(|n| n.ends_with(".exr")).count(), 8);
+    // All is there already, and that is the end too.
+    assert_eq!(scene.watch(&["--frames", "1-4"]).finish(8)["skipped"], 8);
 }
 
 #[test]
@@ -267,8 +286,7 @@ fn an_output_folder_that_cannot_be_written_is_waited_for() {
     let mut watch = scene.watch(&["--frames", "1"]);
     watch.until("a word about it", |w| !w.named("paused").is_empty());
     fs::remove_file(scene.path("out/a")).unwrap();
-    watch.until_done(1);
-    watch.stop();
+    watch.finish(1);
     assert_eq!(scene.names("out/a"), [name(1)]);
 }
 

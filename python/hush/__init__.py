@@ -8,6 +8,7 @@ from __future__ import annotations
 from ._command import main
 from ._hush import LAMBDA_RANGE, MAX_WINDOW, Denoised, Denoiser, HushError, __version__, denoise
 from ._sequence import SequenceCheck, SequenceSettings, check_sequence, denoise_sequence, inspect, plan_sequence
+from ._stage_reader import register as _register_stage_reader
 
 __all__ = [
     "LAMBDA_RANGE",
@@ -25,3 +26,5 @@ __all__ = [
     "main",
     "plan_sequence",
 ]
+
+_register_stage_reader()

@@ -78,8 +78,9 @@ def denoise_sequence(
     a run that was stopped is continued by calling this again. The GIL is released while it works.
 
     Args:
-        inputs: A folder, a pattern (`frame_####.exr`, `frame_%04d.exr`, a glob), a file, or several of them; one sequence in all. None
-            for what `settings` or `usd` name.
+        inputs: A folder, a pattern (`frame_####.exr`, `frame_%04d.exr`, a glob), a file, or several of them; one sequence in all. Of
+            files that are named, the others of their sequence beside them are not written, but help. None for what `settings` or
+            `usd` name.
         output: The folder to write to, created if need be; never the folder of the inputs. None for what the shot's settings say.
         progress: Called in this thread with each event as a dict, see "JSON events" in the README. The run waits for it.
         cancel: Called in this thread at least every tenth of a second; the run stops after the frame in hand once it returns true.

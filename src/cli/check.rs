@@ -8,8 +8,8 @@ use clap::Args;
 use super::job_args::JobArgs;
 use super::{Exit, print, print_json};
 use crate::error::Result;
-use crate::io::sequence::spans;
 use crate::shot::{Checked, FrameState, Job, SequenceCheck};
+use crate::words;
 
 /// Tells which denoised frames are current
 ///
@@ -55,7 +55,7 @@ fn lines(checked: &Checked) -> Vec<String> {
             FrameState::Unrendered => "not rendered",
         };
         let why = if reason.is_empty() { String::new() } else { format!(": {reason}") };
-        format!("{} {}: {what}{why}", if frames.len() == 1 { "frame" } else { "frames" }, spans(frames))
+        format!("{}: {what}{why}", words::frames(frames))
     };
     groups.iter().map(line).collect()
 }

@@ -4,12 +4,15 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::advice::with_options;
 use super::job_args::JobArgs;
 use super::progress::{Mode, Progress};
 use super::signals::stop_handler;
 use super::{CatchSignals, Exit, print, print_json, say};
 use crate::error::Result;
+use crate::io::sequence::Sequence;
 use crate::shot::{Action, CancelToken, Event, Job, Plan, Summary, run};
+use crate::words::{self, counted};
 
 /// Denoises the frames of a shot
 ///
@@ -21,7 +24,8 @@ use crate::shot::{Action, CancelToken, Event, Job, Plan, Summary, run};
 pub(super) struct DenoiseArgs {
     /// A folder, a glob, a pattern such as shot/frame_####.exr or shot/frame_%04d.exr, or files
     ///
-    /// Folders are not searched deeper, so the output folder may be a new one inside the input folder.
+    /// Folders are not searched deeper, so the output folder may be a new one inside the input folder. Of files that are named, the
+    /// others of their sequence beside them are not written, but help.
     /// May be left out where the shot's settings name the frames.
     #[arg(value_name = "INPUT")]
     inputs: Vec<PathBuf>,
@@ -66,6 +70,7 @@ fn denoise_with(args: &DenoiseArgs, mode: Mode, progress: &Progress, catch_signa
     let (sequence, settings) = args.job.shot(&args.inputs)?;
     if matches!(mode, Mode::Bar | Mode::Lines) {
         settings.from_files().iter().for_each(|line| say(format_args!("{line}")));
+        tell_named(&sequence);
     }
     let job = Job { overwrite: args.overwrite, strict: args.strict, skip: args.job.skip()?, ..settings.job(sequence, None)? };
     if args.dry_run {
@@ -84,6 +89,16 @@ fn denoise_with(args: &DenoiseArgs, mode: Mode, progress: &Progress, catch_signa
     Ok(exit_of(&summary))
 }
 
+/// Says what was found beside the files that were named.
+fn tell_named(sequence: &Sequence) {
+    if let Some(named) = &sequence.named {
+        let numbers: Vec<i64> = named.iter().copied().collect();
+        let verb = if numbers.len() == 1 { "is" } else { "are" };
+        let (frames, all) = (words::frames(&numbers), counted(sequence.frames.len(), "frame"));
+        say(format_args!("{}: {frames} of {all} there {verb} denoised, those beside may help", sequence.name));
+    }
+}
+
 fn exit_of(summary: &Summary) -> Exit {
     if summary.interrupted {
         Exit::Stopped
@@ -99,15 +114,15 @@ fn exit_of(summary: &Summary) -> Exit {
 /// The plan in words.
 fn show(job: &Job, plan: &Plan) {
     print(format_args!(
-        "{} → {}, {} frames, window {}, lambda {}",
+        "{} → {}, {}, window {}, lambda {}",
         job.sequence.name,
         job.output.display(),
-        plan.frames.len(),
+        counted(plan.frames.len(), "frame"),
         plan.settings.window,
         job.lambda
     ));
     for warning in &plan.warnings {
-        print(format_args!("warning: {}", warning.message));
+        print(format_args!("warning: {}", with_options(&warning.message)));
     }
     for frame in &plan.frames {
         let used: Vec<String> =
@@ -116,7 +131,7 @@ fn show(job: &Job, plan: &Plan) {
             Action::Denoise(None) => "denoise".to_string(),
             Action::Denoise(Some(why)) => format!("denoise again ({why})"),
             Action::Skip => "skip, already done".to_string(),
-            Action::Fail(reason) => format!("cannot: {reason}"),
+            Action::Fail(reason) => format!("cannot: {}", with_options(reason)),
         };
         let with = if used.is_empty() { String::new() } else { format!(" with {}", used.join(" ")) };
         print(format_args!("frame {}: {what}{with}", frame.frame));

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::advice::with_options;
 use super::{Exit, print, print_json, say_error};
 use crate::error::Result;
 use crate::io::inspect;
@@ -30,7 +31,7 @@ pub(super) fn inspect_files(args: &InspectArgs) -> Result<Exit> {
             }
             Ok(found) => {
                 good += 1;
-                print(found);
+                print(with_options(&found.to_string()));
             }
             Err(error) => say_error(&error),
         }

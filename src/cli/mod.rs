@@ -1,5 +1,6 @@
 //! The command line: turns arguments into calls of the library and results into words and exit codes.
 
+mod advice;
 mod check;
 mod denoise;
 mod eval;
@@ -116,7 +117,7 @@ fn say(text: impl std::fmt::Display) {
 }
 
 fn say_error(error: &dyn std::fmt::Display) {
-    say(format_args!("error: {error}"));
+    say(format_args!("error: {}", advice::with_options(&error.to_string())));
 }
 
 /// A value as one line of JSON on standard output.

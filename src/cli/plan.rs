@@ -10,6 +10,7 @@ use super::{CatchSignals, Exit, print, print_json, say};
 use crate::error::{Error, Result};
 use crate::plan::skip::{LeftOut, Rule};
 use crate::shot::{CancelToken, RuleSummary, Scope, Survey, survey};
+use crate::words::counted;
 
 /// Tells what is left out of a shot, why, and the time that it saves
 ///
@@ -61,7 +62,7 @@ pub(super) fn plan(args: &PlanArgs, catch_signals: CatchSignals) -> Result<Exit>
 /// The survey in words.
 fn lines(found: &Survey) -> Vec<String> {
     let count = found.frames.len();
-    let mut out = vec![format!("{}: {}, window {}", found.sequence, plural(count, "frame"), found.window), String::new()];
+    let mut out = vec![format!("{}: {}, window {}", found.sequence, counted(count, "frame"), found.window), String::new()];
     let names = found.rules.iter().map(|r| r.rule.name().chars().count()).max().unwrap_or(0);
     for rule in &found.rules {
         let state = if rule.on { "on " } else { "off" };
@@ -99,16 +100,12 @@ fn lines(found: &Survey) -> Vec<String> {
         out.push(format!(
             "The shot, with something left out of {} of {}: about {:.1} s instead of {:.1} s, {share:.0} % {way}.",
             time.frames,
-            plural(count, "frame"),
+            counted(count, "frame"),
             time.shot_with,
             time.shot_without,
         ));
     }
     out
-}
-
-fn plural(count: usize, what: &str) -> String {
-    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
 /// What a rule does or would do.
@@ -117,7 +114,7 @@ fn effect(rule: &RuleSummary, count: usize) -> String {
         return format!("{} nothing", if rule.on { "leaves out" } else { "would leave out" });
     }
     let verb = if rule.on { "leaves out" } else { "would leave out" };
-    let of = format!("in {} of {}", rule.frames, plural(count, "frame"));
+    let of = format!("in {} of {}", rule.frames, counted(count, "frame"));
     match rule.rule {
         Rule::Constant => {
             format!("{verb} {:.1} % of the pixels, at most {:.1} % of a frame, {of}", 100.0 * rule.mean, 100.0 * rule.most)

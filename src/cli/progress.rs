@@ -5,8 +5,10 @@ use std::time::Duration;
 
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
+use super::advice::with_options;
 use super::{print, print_json, say};
 use crate::shot::{Event, Status, Summary};
+use crate::words::counted;
 
 /// How to tell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -97,6 +99,7 @@ impl Progress {
 }
 
 pub(super) fn error_text(frame: Option<i64>, message: &str) -> String {
+    let message = with_options(message);
     frame.map_or_else(|| format!("error: {message}"), |f| format!("error: frame {f}: {message}"))
 }
 
@@ -121,13 +124,14 @@ fn openjd(event: &Event<'_>) -> Vec<String> {
 pub(super) fn line(event: &Event<'_>) -> Option<String> {
     match event {
         Event::Start { sequence, output, frames, todo, window, lambda } => Some(format!(
-            "{sequence} → {}: {todo} of {frames} frames to denoise, window {window}, lambda {lambda}",
-            output.display()
+            "{sequence} → {}: {todo} of {} to denoise, window {window}, lambda {lambda}",
+            output.display(),
+            counted(*frames, "frame")
         )),
         Event::Frame { frame, status: Status::Denoised, seconds, finished, frames, .. } => {
             Some(format!("frame {frame} denoised in {seconds:.1} s ({finished}/{frames})"))
         }
-        Event::Warning(warning) => Some(format!("warning: {}", warning.message)),
+        Event::Warning(warning) => Some(format!("warning: {}", with_options(&warning.message))),
         Event::Error { frame, message } => Some(error_text(*frame, message)),
         Event::Done(summary) => Some(summary_text(summary)),
         _ => None,
@@ -155,6 +159,7 @@ fn summary_text(summary: &Summary) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::checks::{Warning, WarningKind};
 
     #[test]
     fn the_summary_counts_everything_once() {
@@ -202,5 +207,20 @@ mod tests {
     fn errors_name_the_frame() {
         let error = Event::Error { frame: Some(12), message: "cut short".into() };
         assert_eq!(line(&error).as_deref(), Some("error: frame 12: cut short"));
+    }
+
+    #[test]
+    fn one_frame_is_no_plural_and_advice_names_options() {
+        let start = Event::Start {
+            sequence: "f_####.exr",
+            output: std::path::Path::new("out"),
+            frames: 1,
+            todo: 1,
+            window: 0,
+            lambda: 1.0,
+        };
+        assert_eq!(line(&start).as_deref(), Some("f_####.exr → out: 1 of 1 frame to denoise, window 0, lambda 1"));
+        let warning = Warning::new(WarningKind::NoVector, "set window to 0");
+        assert_eq!(line(&Event::Warning(&warning)).as_deref(), Some("warning: pass --window 0"));
     }
 }

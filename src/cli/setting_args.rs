@@ -4,11 +4,10 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::read_stage::read_apart;
 use crate::error::Result;
 use crate::plan::lambda::Lambda;
 use crate::settings::size::parse_size;
-use crate::settings::{Guide, Layered, Origin, ShotSettings, Sources, StageRef, gather};
+use crate::settings::{Guide, Layered, Origin, ShotSettings, Sources, StageRef, gather, read_apart};
 
 /// The settings that every command on shots takes alike.
 #[derive(Args)]
@@ -26,7 +25,8 @@ pub(super) struct SettingArgs {
     /// Stereo view to denoise [default: all]
     #[arg(long, value_name = "NAME")]
     view: Option<String>,
-    /// View layer to take the Vector pass from, such as one without motion blur
+    /// View layer to take the Vector pass from, such as one without motion blur [default: Hush Vectors where the file holds it, else
+    /// the layer denoised]
     #[arg(long, value_name = "NAME")]
     vector_layer: Option<String>,
     /// Light pass to denoise along, such as "Diffuse Direct", or all, or none; may be given several times

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand};
 use serde_json::{Map, Value, json};
 
+use super::advice::with_options;
 use super::job_args::JobArgs;
 use super::setting_args::{SettingArgs, SourceArgs};
 use super::{Exit, print, print_json, say};
@@ -95,7 +96,7 @@ fn show(args: &ShowArgs) -> Result<Exit> {
         true => print_json(&as_json(&settings)),
         false => print(as_table(&settings).trim_end()),
     }
-    settings.notes.iter().for_each(|note| say(format_args!("warning: {note}")));
+    settings.notes.iter().for_each(|note| say(format_args!("warning: {}", with_options(note))));
     Ok(Exit::Good)
 }
 
@@ -147,7 +148,7 @@ fn write(args: &WriteArgs) -> Result<Exit> {
         .notes
         .iter()
         .chain(&settings.values.lambda.as_ref().and_then(|l| l.note()))
-        .for_each(|note| say(format_args!("warning: {note}")));
+        .for_each(|note| say(format_args!("warning: {}", with_options(note))));
     let text = usd::write(&args.output, &settings, args.prim.as_deref(), args.sublayer.as_deref())?;
     write_atomically(&args.output, |file| {
         std::io::Write::write_all(file, text.as_bytes()).map_err(|e| Error::io(&args.output, e))

@@ -5,10 +5,12 @@ use std::time::Duration;
 
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use super::advice::with_options;
 use super::progress::{Mode, error_text, line};
 use super::{print_json, say};
 use crate::shot;
 use crate::watch::{Event, Report, Waiting};
+use crate::words::counted;
 
 /// Tells about a watch.
 pub(super) struct Status {
@@ -78,7 +80,7 @@ fn text(event: &Event<'_>) -> Option<String> {
         Event::Incomplete { shot, frame, reason, .. } => Some(format!("{shot}: frame {frame} is not whole yet: it {reason}")),
         Event::Waiting(waiting) => Some(waiting_text(waiting)),
         Event::Paused { message, .. } => Some(format!("paused: {message}")),
-        Event::Warning { message, .. } => Some(format!("warning: {message}")),
+        Event::Warning { message, .. } => Some(format!("warning: {}", with_options(message))),
         Event::Done(report) => Some(done_text(report)),
         Event::Shot { shot, event: shot::Event::Start { window, lambda, output, .. } } => {
             Some(format!("{shot} → {}: window {window}, lambda {lambda}", output.display()))
@@ -100,10 +102,14 @@ fn waiting_text(w: &Waiting) -> String {
     if !w.input {
         return "waiting for the folder".into();
     }
-    let mut text = format!("{} of {} frames denoised", w.denoised, w.landed);
+    let mut text = match w {
+        Waiting { landed: 0, denoised: 0, incomplete: 0, .. } => "no frame to denoise is there yet".to_string(),
+        Waiting { landed: 0, denoised: 0, .. } => "no frame is whole".to_string(),
+        _ => format!("{} of {} denoised", w.denoised, counted(w.landed, "frame")),
+    };
     for (count, what) in [
         (w.waiting, "waiting for frames beside them"),
-        (w.incomplete, "being written"),
+        (w.incomplete, "not known to be whole yet"),
         (w.elsewhere, "at another process"),
         (w.failed, "failed"),
     ] {
@@ -138,8 +144,16 @@ mod tests {
     fn the_state_is_told_in_words() {
         let waiting = Waiting { input: true, landed: 9, denoised: 5, waiting: 2, incomplete: 1, elsewhere: 1, failed: 0 };
         let text = waiting_text(&waiting);
-        assert_eq!(text, "5 of 9 frames denoised, 2 waiting for frames beside them, 1 being written, 1 at another process");
+        assert_eq!(
+            text,
+            "5 of 9 frames denoised, 2 waiting for frames beside them, 1 not known to be whole yet, 1 at another process"
+        );
         assert_eq!(waiting_text(&Waiting::default()), "waiting for the folder");
+        let empty = Waiting { input: true, ..Waiting::default() };
+        assert_eq!(waiting_text(&empty), "no frame to denoise is there yet");
+        let eight = Waiting { incomplete: 8, ..empty.clone() };
+        assert_eq!(waiting_text(&eight), "no frame is whole, 8 not known to be whole yet");
+        assert_eq!(waiting_text(&Waiting { landed: 1, ..empty }), "0 of 1 frame denoised");
     }
 
     #[test]

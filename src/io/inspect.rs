@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::layout::{Layout, SampleType, read_layout};
 use super::names;
 use super::read::read_frame;
-use super::select::{Missing, PassRef, Resolved, Selection, resolve};
+use super::select::{Missing, PassRef, Resolved, Selection, made_for_vectors, resolve};
 use super::validate::is_complete;
 use super::write::caveats;
 use crate::error::Result;
@@ -30,7 +30,7 @@ pub struct Inspection {
     pub layout: Layout,
     pub uses: Vec<Use>,
     pub missing: Vec<Missing>,
-    /// Light passes that `--aov` could denoise along, by the file's names.
+    /// Light passes that could be denoised along, by the file's names.
     pub light_passes: Vec<String>,
     pub notes: Vec<String>,
     /// Why Hush cannot denoise the file, if it cannot.
@@ -65,6 +65,7 @@ pub fn inspect_with(path: &Path, selection: &Selection) -> Result<Inspection> {
     found.uses = uses(&resolved);
     found.light_passes = light_passes(&found.layout, &resolved);
     found.notes = resolved.notes.clone();
+    found.notes.extend(layer_notes(&found.layout, &resolved));
     found.notes.extend(pixel_notes(&resolved, &frame));
     found.notes.extend(caveats(&found.layout, &resolved));
     found.missing = resolved.missing;
@@ -91,12 +92,28 @@ fn light_passes(layout: &Layout, r: &Resolved) -> Vec<String> {
     found
 }
 
+/// The layers that are no artist's.
+fn layer_notes(layout: &Layout, r: &Resolved) -> Vec<String> {
+    let mut notes = Vec::new();
+    let vectors = r.vector.iter().map(|v| &v.layer).find(|l| made_for_vectors(l) && **l != r.layer);
+    notes.extend(vectors.map(|layer| {
+        format!(
+            "The motion vectors come from the view layer {layer}, which Prepare Shot made for them; it is not denoised itself."
+        )
+    }));
+    let composite = layout.layers.iter().find(|l| l.is_composite() && l.name != r.layer);
+    notes.extend(composite.map(|layer| {
+        format!("{} holds what the compositor made of the noisy image; the denoised file is written without it.", layer.name)
+    }));
+    notes
+}
+
 fn pixel_notes(r: &Resolved, frame: &Frame) -> Vec<String> {
     let mut notes = Vec::new();
     if frame.vector.as_ref().is_some_and(|v| v.iter().all(|&x| x == 0.0)) {
         notes.push(
             "The Vector pass is zero everywhere. That is right only if nothing moves; with Motion Blur on, Blender leaves it empty: \
-             take the vectors from a second view layer without Motion Blur (--vector-layer)."
+             take the vectors from a second view layer without Motion Blur: set vector layer to NAME."
                 .into(),
         );
     }
@@ -153,7 +170,7 @@ impl Display for Inspection {
             writeln!(f, "    {:<24} {}", entry.purpose, entry.pass)?;
         }
         if !self.light_passes.is_empty() {
-            writeln!(f, "  and can denoise these light passes along (--aov): {}", self.light_passes.join(", "))?;
+            writeln!(f, "  and can denoise these light passes along (aovs): {}", self.light_passes.join(", "))?;
         }
         if !self.missing.is_empty() {
             writeln!(f, "Missing, and worth having")?;

@@ -140,6 +140,17 @@ impl Layout {
     }
 }
 
+/// The layer that Blender writes beside the view layers.
+const COMPOSITE: &str = "Composite";
+
+impl ViewLayer {
+    /// Whether this is no view layer but what came out of the compositor while the frame was rendered. Cycles notes no samples
+    /// for it, and it has the one pass Combined.
+    pub fn is_composite(&self) -> bool {
+        self.name == COMPOSITE && self.samples.is_none() && self.passes.iter().all(|p| p.name == "Combined")
+    }
+}
+
 /// Reads a file's header. Sizes are checked against the file's length and fixed bounds before anything is allocated.
 ///
 /// # Errors

@@ -38,7 +38,7 @@ pub(crate) fn find(
         }
     }
     if found.is_empty() && !wanted.is_empty() {
-        let advice = "enable View Layer › Passes › Light, such as Diffuse Direct, Indirect and Color, or leave --aov all out";
+        let advice = "enable View Layer › Passes › Light, such as Diffuse Direct, Indirect and Color, or set aovs to none";
         missing.push(Missing { pass: "light".into(), advice: advice.into() });
     }
     // The same pass twice would be divided twice.

@@ -27,6 +27,6 @@ pub use layout::{Channel, Layout, Part, Pass, SampleType, ViewLayer, read_layout
 pub(crate) use numbering::{NumberPattern, split_number};
 pub use pass_names::PassNames;
 pub use read::read_frame;
-pub use select::{AovRef, Guides, Missing, PassRef, Resolved, Selection, resolve, resolve_views};
+pub use select::{AovRef, Guides, Missing, PassRef, Resolved, Selection, made_for_vectors, resolve, resolve_views};
 pub use validate::is_complete;
 pub use write::{WriteOptions, caveats, write_denoised, write_views};

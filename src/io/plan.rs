@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 use super::codec;
 use super::container::{Prologue, RawChannel};
-use super::layout::{Layout, SampleType};
+use super::layout::{Layout, SampleType, ViewLayer};
 use super::names;
 use super::read::{batch_length, channel_offsets};
 use super::recombine::Place;
@@ -21,6 +21,9 @@ use super::select::{NOISY, Resolved};
 use super::source::{Chunk, Source, parse_headers};
 use crate::error::{Error, Result};
 
+/// Attributes that describe one part.
+const PART_OWN: [&[u8]; 9] =
+    [b"channels", b"chunkCount", b"compression", b"dataWindow", b"lineOrder", b"name", b"tiles", b"type", b"view"];
 /// Largest finite half.
 const HALF_MAX: f32 = 65504.0;
 
@@ -39,6 +42,8 @@ enum Origin {
 struct OutPart {
     /// The part of the source whose chunks these are.
     source: usize,
+    /// Not there in the source.
+    added: bool,
     channels: Vec<(RawChannel, Origin)>,
 }
 
@@ -48,6 +53,7 @@ pub(crate) struct Plan {
     parts: Vec<OutPart>,
     /// Of each part of the source.
     chunk_counts: Vec<usize>,
+    channel_counts: Vec<usize>,
 }
 
 /// A plan that is ready to be written.
@@ -59,6 +65,7 @@ pub(crate) struct Finished {
 
 struct FinishedPart {
     source: usize,
+    added: bool,
     header: Header,
     /// None: the chunks are copied byte for byte.
     origins: Option<Vec<Origin>>,
@@ -73,11 +80,16 @@ impl Plan {
                 false => Origin::Copy(index),
             };
             let channels = header.channels().unwrap_or_default();
-            OutPart { source: part, channels: channels.into_iter().enumerate().map(|(i, c)| (c, origin(i))).collect() }
+            OutPart {
+                source: part,
+                added: false,
+                channels: channels.into_iter().enumerate().map(|(i, c)| (c, origin(i))).collect(),
+            }
         };
         let parts = source.prologue.headers.iter().enumerate().map(part).collect();
         let chunk_counts = source.headers.iter().map(|h| h.chunk_count).collect();
-        Self { prologue: source.prologue.clone(), parts, chunk_counts }
+        let channel_counts = source.headers.iter().map(|h| h.channels.list.len()).collect();
+        Self { prologue: source.prologue.clone(), parts, chunk_counts, channel_counts }
     }
 
     /// Adds the noisy input as a pass, in the file's own style: a part, or channels in the only part.
@@ -109,8 +121,38 @@ impl Plan {
         }
         header.set("name", "string", name.into_bytes());
         self.prologue.headers.push(header);
-        self.parts.push(OutPart { source: part, channels: added });
+        self.parts.push(OutPart { source: part, added: true, channels: added });
         Ok(())
+    }
+
+    /// Leaves a layer out. Metadata that only its parts have goes to the first of the others.
+    pub fn leave_out(&mut self, layer: &ViewLayer) {
+        let channels = || layer.passes.iter().flat_map(|p| &p.channels);
+        for (index, part) in self.parts.iter_mut().enumerate().filter(|(_, part)| !part.added) {
+            part.channels.retain(|(raw, _)| !channels().any(|c| c.part == index && c.name.as_bytes() == raw.name));
+        }
+        let headers = std::mem::take(&mut self.prologue.headers);
+        let parts = std::mem::take(&mut self.parts).into_iter().zip(headers);
+        let (kept, empty): (Vec<_>, Vec<_>) = parts.partition(|(part, _)| !part.channels.is_empty());
+        (self.parts, self.prologue.headers) = kept.into_iter().unzip();
+        let Some(first) = self.prologue.headers.first_mut() else { return };
+        for attribute in empty.into_iter().flat_map(|(_, header)| header.attributes) {
+            if !PART_OWN.contains(&attribute.name.as_slice()) && !first.attributes.iter().any(|a| a.name == attribute.name) {
+                first.attributes.push(attribute);
+            }
+        }
+    }
+
+    /// Puts the parts that hold nothing but this layer behind all others.
+    pub fn put_last(&mut self, layer: &ViewLayer) {
+        let channels = || layer.passes.iter().flat_map(|p| &p.channels);
+        let within = |part: &OutPart| {
+            part.channels.iter().all(|(raw, _)| channels().any(|c| c.part == part.source && c.name.as_bytes() == raw.name))
+        };
+        let headers = std::mem::take(&mut self.prologue.headers);
+        let parts = std::mem::take(&mut self.parts).into_iter().zip(headers);
+        let (last, first): (Vec<_>, Vec<_>) = parts.partition(|(part, _)| within(part));
+        (self.parts, self.prologue.headers) = first.into_iter().chain(last).unzip();
     }
 
     /// Adds a text attribute to every part, or replaces it.
@@ -132,10 +174,6 @@ impl Plan {
 
     /// Sorts the channels as the format demands and finds the parts that can be copied byte for byte.
     pub fn finish(mut self) -> Result<Finished, String> {
-        let mut counts = HashMap::new();
-        for (part, header) in self.prologue.headers.iter().enumerate() {
-            counts.insert(part, header.channels().map_or(0, |c| c.len()));
-        }
         for (part, header) in self.parts.iter_mut().zip(&mut self.prologue.headers) {
             part.channels.sort_by(|a, b| a.0.name.cmp(&b.0.name));
             header.set_channels(part.channels.iter().map(|(raw, _)| raw.clone()).collect());
@@ -144,9 +182,9 @@ impl Plan {
         let headers = parse_headers(&prologue)?;
         let parts = self.parts.iter().zip(headers).map(|(part, header)| {
             let origins: Vec<Origin> = part.channels.iter().map(|(_, origin)| *origin).collect();
-            let same = counts.get(&part.source) == Some(&origins.len())
+            let same = self.channel_counts.get(part.source) == Some(&origins.len())
                 && origins.iter().enumerate().all(|(i, origin)| *origin == Origin::Copy(i));
-            FinishedPart { source: part.source, header, origins: (!same).then_some(origins) }
+            FinishedPart { source: part.source, added: part.added, header, origins: (!same).then_some(origins) }
         });
         Ok(Finished { multipart: self.prologue.is_multipart(), parts: parts.collect(), prologue })
     }
@@ -178,8 +216,7 @@ impl Finished {
 
         let mut order: Vec<(bool, u64, usize, usize)> = Vec::new();
         for (part, out) in self.parts.iter().enumerate() {
-            let added = part >= source_tables.len();
-            order.extend(source_tables[out.source].iter().enumerate().map(|(index, &at)| (added, at, part, index)));
+            order.extend(source_tables[out.source].iter().enumerate().map(|(index, &at)| (out.added, at, part, index)));
         }
         order.sort_unstable();
         for batch in order.chunks(batch_length()) {

@@ -9,6 +9,8 @@ use crate::error::{Error, Result};
 
 /// The pass that holds the noisy beauty where Cycles denoised Combined.
 pub(crate) const NOISY: &str = "Noisy Image";
+/// The view layer that the extension's Prepare Shot adds for motion vectors, where the others have motion blur.
+const VECTOR_LAYER: &str = "Hush Vectors";
 /// Stands for all view layers.
 const ALL: &str = "all";
 /// Passes that hold the beauty: Blender's, a File Output node's, a plain image's, other writers'.
@@ -32,11 +34,13 @@ impl Default for Guides {
 /// What the user asks for. The default takes the view layer with the most samples, all its views and every guide.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Selection {
-    /// View layers to denoise, or `all`, which leaves out `vector_layer`. Empty: the one with the most samples.
+    /// View layers to denoise, or `all`, which leaves out `vector_layer`. Empty: the one with the most samples. A view layer made
+    /// for motion vectors, [`made_for_vectors`], is denoised only where it is named.
     pub layers: Vec<String>,
     /// Stereo view to denoise.
     pub view: Option<String>,
-    /// Another view layer to take the Vector pass from (one without motion blur).
+    /// Another view layer to take the Vector pass from (one without motion blur). None: the one [`made_for_vectors`] where the
+    /// file holds one, else the layer that is denoised.
     pub vector_layer: Option<String>,
     pub guides: Guides,
     /// Light passes to denoise along with the beauty, by Blender 5's or 4's names, or `all`.
@@ -45,6 +49,13 @@ pub struct Selection {
     pub passes: PassNames,
     /// Denoise `Combined` even where the file also holds `Noisy Image`, that is, where `Combined` is denoised already.
     pub denoised_ok: bool,
+}
+
+/// Whether a view layer is the one that the extension's Prepare Shot adds for motion vectors: `Hush Vectors`, or `Hush
+/// Vectors.001` where there was one of that name.
+pub fn made_for_vectors(layer: &str) -> bool {
+    let number = |rest: &str| rest.strip_prefix('.').is_some_and(|n| n.len() >= 3 && n.bytes().all(|b| b.is_ascii_digit()));
+    layer.strip_prefix(VECTOR_LAYER).is_some_and(|rest| rest.is_empty() || number(rest))
 }
 
 /// A pass with the channels that are used of it, in the order that the frame wants.
@@ -167,7 +178,8 @@ pub fn resolve(layout: &Layout, selection: &Selection) -> Result<Resolved> {
     let missing_guides = std::mem::take(&mut guides.missing);
     let (aovs, missing_lights) = lights::find(layout, layer, view, &selection.aovs, guides.window)?;
 
-    let others: Vec<&str> = candidates(layout, names).map(|l| l.name.as_str()).filter(|n| *n != layer.name).collect();
+    let others = candidates(layout, names).filter(|l| is_ordinary(l)).map(|l| l.name.as_str());
+    let others: Vec<&str> = others.filter(|n| *n != layer.name).collect();
     if selection.layers.is_empty() && !others.is_empty() {
         notes.push(format!(
             "The file holds several view layers; {} is denoised, {} stays as it is.",
@@ -227,6 +239,7 @@ pub fn resolve_views(layout: &Layout, selection: &Selection) -> Result<Vec<Resol
 }
 
 const DENOISING_DATA: &str = "enable View Layer › Passes › Data › Denoising Data";
+const VECTOR_LETTERS: &[&[&str]] = &[&["X", "Y", "Z", "W"], &["R", "G", "B", "A"]];
 const VECTOR: &str = "enable View Layer › Passes › Data › Vector (it needs Motion Blur switched off)";
 
 /// The channels R, G, B of a pass, if they are numbers with a fraction.
@@ -262,6 +275,11 @@ fn candidates<'a>(layout: &'a Layout, names: &PassNames) -> impl Iterator<Item =
     })
 }
 
+/// Whether a layer is one that an artist made, and so is denoised without being named.
+fn is_ordinary(layer: &ViewLayer) -> bool {
+    !made_for_vectors(&layer.name) && !layer.is_composite()
+}
+
 /// The layers to denoise, each once, in the file's order for `all`, else as they were named.
 fn pick_layers<'a>(layout: &'a Layout, selection: &Selection) -> Result<Vec<&'a ViewLayer>> {
     if selection.layers.is_empty() {
@@ -272,7 +290,8 @@ fn pick_layers<'a>(layout: &'a Layout, selection: &Selection) -> Result<Vec<&'a 
         let named: Vec<&ViewLayer> = match layout.layer(name) {
             Some(layer) => vec![layer],
             None if name == ALL => {
-                candidates(layout, &selection.passes).filter(|l| Some(&l.name) != selection.vector_layer.as_ref()).collect()
+                let for_vectors = selection.vector_layer.as_ref();
+                candidates(layout, &selection.passes).filter(|l| is_ordinary(l) && Some(&l.name) != for_vectors).collect()
             }
             None => return Err(missing_layer(layout, name)),
         };
@@ -290,14 +309,19 @@ fn pick_layer<'a>(layout: &'a Layout, selection: &Selection) -> Result<&'a ViewL
     }
     // A one-sample layer for the vectors must not win; the first wins among equals.
     let ranked = candidates(layout, &selection.passes)
-        .filter(|l| Some(&l.name) != selection.vector_layer.as_ref() || layout.layers.len() == 1);
+        .filter(|l| is_ordinary(l) && (Some(&l.name) != selection.vector_layer.as_ref() || layout.layers.len() == 1));
     let best = ranked.reduce(|best, layer| {
         let rank = |l: &ViewLayer| (l.samples.unwrap_or(0), l.passes.len());
         if rank(layer) > rank(best) { layer } else { best }
     });
-    best.or(candidates(layout, &selection.passes).next())
-        .or(layout.layers.first())
-        .ok_or_else(|| Error::bad_file(&layout.path, "holds no layers"))
+    let not_for_vectors = |l: &&ViewLayer| !made_for_vectors(&l.name);
+    let no_beauty = || match layout.layers.first() {
+        Some(for_vectors) => no_beauty(layout, for_vectors, &selection.passes),
+        None => Error::bad_file(&layout.path, "holds no layers"),
+    };
+    best.or(candidates(layout, &selection.passes).find(not_for_vectors))
+        .or(layout.layers.iter().find(not_for_vectors))
+        .ok_or_else(no_beauty)
 }
 
 fn missing_layer(layout: &Layout, name: &str) -> Error {
@@ -326,6 +350,10 @@ fn no_beauty(layout: &Layout, layer: &ViewLayer, names: &PassNames) -> Error {
         return Error::MissingPass { path: layout.path.clone(), pass: name.clone(), advice };
     }
     let grey = layer.passes.iter().any(|p| p.channels.len() == 1 && matches!(p.channels[0].component.as_str(), "Y" | "V"));
+    if made_for_vectors(&layer.name) {
+        let advice = format!("the view layer {} is there for motion vectors only: render the other view layers too", layer.name);
+        return Error::MissingPass { path: layout.path.clone(), pass: "Combined".into(), advice };
+    }
     let advice = match layer.passes.iter().any(|p| p.name == "Combined") || (grey && layer.passes.len() == 1) {
         true => "the image is black and white: render with Output › Color › RGB or RGBA",
         false => "enable View Layer › Passes › Data › Combined, or name a File Output layer Image",
@@ -383,11 +411,21 @@ impl GuideFinder<'_> {
 
 fn vector<'a>(layout: &'a Layout, selection: &Selection, guides: &mut GuideFinder<'a>) -> Result<Option<PassRef>> {
     let own_layer = guides.layer;
+    if selection.vector_layer.is_none() && selection.passes.vector.is_none() {
+        for layer in layout.layers.iter().filter(|l| made_for_vectors(&l.name)) {
+            guides.layer = layer;
+            let (missing, found) = (guides.missing.len(), guides.find(None, &["Vector"], VECTOR_LETTERS, VECTOR));
+            guides.layer = own_layer;
+            guides.missing.truncate(missing);
+            if found.is_some() {
+                return Ok(found);
+            }
+        }
+    }
     if let Some(name) = &selection.vector_layer {
         guides.layer = layout.layer(name).ok_or_else(|| missing_layer(layout, name))?;
     }
-    let found =
-        guides.find(selection.passes.vector.as_deref(), &["Vector"], &[&["X", "Y", "Z", "W"], &["R", "G", "B", "A"]], VECTOR);
+    let found = guides.find(selection.passes.vector.as_deref(), &["Vector"], VECTOR_LETTERS, VECTOR);
     let searched = std::mem::replace(&mut guides.layer, own_layer);
     let (None, Some(missing)) = (&found, guides.missing.last_mut()) else {
         return Ok(found);
@@ -401,7 +439,7 @@ fn vector<'a>(layout: &'a Layout, selection: &Selection, guides: &mut GuideFinde
     }
     let elsewhere = layout.layers.iter().find(|l| l.pass("Vector", guides.view).is_some() && l.name != searched.name);
     if let Some(layer) = elsewhere {
-        missing.advice.push_str(&format!("; the view layer {} has one, which --vector-layer can take", layer.name));
+        missing.advice.push_str(&format!("; the view layer {0} has one: set vector layer to '{0}'", layer.name));
     }
     Ok(found)
 }

@@ -24,12 +24,15 @@ pub struct Sequence {
     pub frames: Vec<SequenceFrame>,
     /// EXR files without a number that lay beside the sequence and were left out.
     pub ignored: Vec<PathBuf>,
+    /// The frames whose files were named, where those were not all: the others only help.
+    pub named: Option<BTreeSet<i64>>,
 }
 
 impl Sequence {
     /// Finds the one sequence that `inputs` name: folders (not searched deeper), globs, `####` or `%04d` patterns, files.
     ///
-    /// The frame number is the number nearest the extension, unless a pattern says where it stands.
+    /// The frame number is the number nearest the extension, unless a pattern says where it stands. Files, named one by one or by
+    /// a glob, bring those of the same sequence beside them along, see [`named`](Self::named).
     ///
     /// # Errors
     /// Nothing found, several sequences found (the message names them), a named file that is no EXR or has no number among
@@ -45,7 +48,7 @@ impl Sequence {
     /// The sequence that `inputs` would name if its frames were there: without frames.
     pub fn unrendered<P: AsRef<Path>>(inputs: &[P]) -> Self {
         let last = inputs.last().map(AsRef::as_ref).filter(|input| is_exr(input));
-        Self { name: last.and_then(file_name).unwrap_or_default(), frames: Vec::new(), ignored: Vec::new() }
+        Self { name: last.and_then(file_name).unwrap_or_default(), frames: Vec::new(), ignored: Vec::new(), named: None }
     }
 
     /// The folder that the frames lie in, or would lie in.
@@ -59,6 +62,16 @@ impl Sequence {
     /// The numbers, ascending.
     pub fn numbers(&self) -> Vec<i64> {
         self.frames.iter().map(|f| f.number).collect()
+    }
+
+    /// Whether a frame was asked for; others only help.
+    pub fn is_named(&self, number: i64) -> bool {
+        self.named.as_ref().is_none_or(|named| named.contains(&number))
+    }
+
+    /// The frames that were asked for.
+    pub fn asked(&self) -> impl Iterator<Item = &SequenceFrame> {
+        self.frames.iter().filter(|f| self.is_named(f.number))
     }
 
     /// The file of a frame.
@@ -89,12 +102,15 @@ struct Found {
     groups: BTreeMap<Key, BTreeSet<(i64, usize, PathBuf)>>,
     /// Files without a number, and whether the user named the file itself.
     unnumbered: BTreeMap<PathBuf, bool>,
+    /// A folder or a pattern was named, which stands for all its frames.
+    whole: bool,
 }
 
 impl Found {
     fn add(&mut self, input: &Path) -> Result<()> {
         let text = input.to_string_lossy();
         if input.is_dir() {
+            self.whole = true;
             for path in exr_files(input)? {
                 self.add_file(path, false);
             }
@@ -108,15 +124,26 @@ impl Found {
             return Ok(());
         }
         let name = input.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        let folder = parent(input);
+        let is_glob = text.contains(['*', '?', '[']);
+        if !folder.is_dir() && !(is_glob && folder.to_string_lossy().contains(['*', '?', '['])) {
+            return Err(absent(&text, format!("there is no folder {}", folder.display())));
+        }
         if let Some(pattern) = NumberPattern::parse(&name).map_err(|reason| bad(&text, reason))? {
+            self.whole = true;
             return self.add_pattern(input, &pattern);
         }
-        if text.contains(['*', '?', '[']) {
+        if is_glob {
             return self.add_glob(&text);
         }
-        let hint = match exr_files(parent(input)).ok().filter(|files| files.iter().any(|f| starts_with(f, &name))) {
-            Some(_) if !name.is_empty() => format!(": for the frames that start with it, pass '{text}####.exr'"),
-            _ => String::new(),
+        let mut there = Found::default();
+        let alike = exr_files(folder).unwrap_or_default().into_iter().filter(|f| !name.is_empty() && starts_with(f, &name));
+        alike.for_each(|f| there.add_file(f, false));
+        let hint = match there.groups.iter().next() {
+            Some((key, files)) => {
+                format!(": for the frames that start with it, name '{}'", input.with_file_name(group_name(key, files)).display())
+            }
+            None => String::new(),
         };
         Err(absent(&text, format!("no such file or folder{hint}")))
     }
@@ -181,7 +208,22 @@ impl Found {
         names.join(", ")
     }
 
-    fn into_sequence(self, input: String) -> Result<Sequence> {
+    /// Adds the files of the one sequence that were not named; returns the numbers of those that were, if those are not all.
+    fn add_those_beside(&mut self) -> Option<BTreeSet<i64>> {
+        let (key, files) = self.groups.iter_mut().next().filter(|_| !self.whole)?;
+        let named: BTreeSet<i64> = files.iter().map(|f| f.0).collect();
+        for path in exr_files(&key.0).unwrap_or_default() {
+            let split = file_name(&path).and_then(|n| split_number(&n));
+            let Some((prefix, number, digits, suffix)) = split else { continue };
+            // Of two files with one number the one that was named is meant; of others, one is as good as the other.
+            if (prefix, suffix) == (key.1.clone(), key.2.clone()) && !files.iter().any(|f| f.0 == number) {
+                files.insert((number, digits, path));
+            }
+        }
+        (files.len() > named.len()).then_some(named)
+    }
+
+    fn into_sequence(mut self, input: String) -> Result<Sequence> {
         if self.groups.len() > 1 {
             let reason = format!(
                 "holds {} sequences: {}. Choose one with a pattern, such as '{}'",
@@ -191,6 +233,7 @@ impl Found {
             );
             return Err(bad(&input, reason));
         }
+        let named = self.add_those_beside();
         let Some((key, files)) = self.groups.iter().next() else {
             let mut paths: Vec<PathBuf> = self.unnumbered.into_keys().collect();
             return match paths.len() {
@@ -198,15 +241,15 @@ impl Found {
                 1 => {
                     let path = paths.remove(0);
                     let name = file_name(&path).unwrap_or_default();
-                    Ok(Sequence { name, frames: vec![SequenceFrame { number: 1, path }], ignored: Vec::new() })
+                    Ok(Sequence { name, frames: vec![SequenceFrame { number: 1, path }], ignored: Vec::new(), named: None })
                 }
-                n => Err(bad(&input, format!("{n} EXR files, none with a frame number in its name: pass them one by one"))),
+                n => Err(bad(&input, format!("{n} EXR files, none with a frame number in its name: name one at a time"))),
             };
         };
         if let Some((path, _)) = self.unnumbered.iter().find(|(_, explicit)| **explicit) {
             return Err(bad(
                 &path.to_string_lossy(),
-                "has no frame number in its name, but the other files have: pass it by itself",
+                "has no frame number in its name, but the other files have: name it by itself",
             ));
         }
         let name = group_name(key, files);
@@ -214,9 +257,9 @@ impl Found {
             files.iter().map(|(number, _, path)| SequenceFrame { number: *number, path: path.clone() }).collect();
         if let Some(pair) = frames.windows(2).find(|p| p[0].number == p[1].number) {
             let names = pair.iter().map(|f| f.path.display().to_string()).collect::<Vec<_>>().join(" and ");
-            return Err(bad(&input, format!("{names} are both frame {}: move one away or pass a pattern", pair[0].number)));
+            return Err(bad(&input, format!("{names} are both frame {}: move one away or name a pattern", pair[0].number)));
         }
-        Ok(Sequence { name, frames, ignored: self.unnumbered.into_keys().collect() })
+        Ok(Sequence { name, frames, ignored: self.unnumbered.into_keys().collect(), named })
     }
 }
 
@@ -358,7 +401,7 @@ mod tests {
         assert!(message(find(&dir, &["a.png"])).contains("not an .exr"));
         assert!(message(find(&dir, &["nothing"])).contains("no such file"));
         assert!(message(find(&dir, &["still.exr", "f_1.exr"])).contains("no frame number"));
-        assert!(message(find(&dir, &["still.exr", "other.exr"])).contains("one by one"));
+        assert!(message(find(&dir, &["still.exr", "other.exr"])).contains("one at a time"));
         assert!(message(find(&dir, &["deep/g_"])).contains("g_####.exr"));
         assert!(message(find(&dir, &["empty"])).contains("no .exr files"));
         assert!(message(find(&dir, &["*.tif"])).contains("no .exr file matches"));

@@ -10,7 +10,7 @@ use super::layout::Layout;
 use super::plan::{Edits, Plan};
 use super::read::{check_channel, open_again};
 use super::recombine::light_planes;
-use super::select::Resolved;
+use super::select::{Resolved, made_for_vectors};
 use super::source::Source;
 use crate::engine::Denoised;
 use crate::error::{Error, Result};
@@ -33,6 +33,9 @@ pub struct WriteOptions {
 /// the written Color is raised to 1e-4 (1/64 under DWA and B44; in half-float files further where the quotient would overflow), so
 /// that Color × pass equals the denoised contribution. A Color pass is shared: where it is raised, a light pass that uses it and
 /// was not denoised gains by as much. Half-float channels are clamped to ±65504. Written aside and renamed into place.
+///
+/// Viewers show the first layer, which is to be a denoised one: the layer `Composite`, which holds what the compositor made of the
+/// noisy passes while the frame was rendered, is left out, and the parts of a layer made for motion vectors come last.
 ///
 /// # Errors
 /// [`Error::BadInput`] if `destination` is the source itself; [`Error::SizeMismatch`] if `denoised` has another size; [`Error::Io`]
@@ -62,6 +65,15 @@ pub fn write_views(layout: &Layout, views: &[(&Resolved, &Denoised)], options: &
     if options.keep_noisy {
         for (resolved, _) in views {
             plan.keep_noisy(layout, resolved)?;
+        }
+    }
+    // What a viewer shows first is to be the denoised image.
+    let denoised = |name: &str| views.iter().any(|(resolved, _)| resolved.layer == name);
+    for layer in layout.layers.iter().filter(|l| !denoised(&l.name)) {
+        if layer.is_composite() {
+            plan.leave_out(layer);
+        } else if made_for_vectors(&layer.name) {
+            plan.put_last(layer);
         }
     }
     for (name, value) in &options.attributes {

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::frame::Frame;
 use crate::io::sequence::spans;
 use crate::plan::frames::show_ranges;
+use crate::words;
 
 /// What a warning is about; the names are stable (`missing_frames`, `no_vector`, …).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -14,6 +15,8 @@ use crate::plan::frames::show_ranges;
 pub enum WarningKind {
     /// Frames of the range have no file.
     MissingFrames,
+    /// Only every second frame, or fewer, is there, so that neighbours cannot help.
+    FrameStep,
     /// The frames are not all of one resolution.
     Resolution,
     /// Frames have no Vector pass.
@@ -79,13 +82,36 @@ pub struct Header {
 
 /// Frames of the range without a file.
 pub fn missing_frames(missing: &[(i64, i64)]) -> Option<Warning> {
-    let message = || {
-        format!(
-            "missing frames {}: they cannot be written and the frames beside them do without; render them and run again",
-            show_ranges(missing)
-        )
+    let one = matches!(missing, [(first, last)] if first == last);
+    let (frames, rest) = match one {
+        true => ("frame", "it cannot be written and the frames beside it do without; render it and run again"),
+        false => ("frames", "they cannot be written and the frames beside them do without; render them and run again"),
     };
+    let message = || format!("missing {frames} {}: {rest}", show_ranges(missing));
     (!missing.is_empty()).then(|| Warning::new(WarningKind::MissingFrames, message()))
+}
+
+/// The distance between frames where it is the same all over and at most every second of them is missing; else 1.
+pub fn frame_step(numbers: &[i64]) -> i64 {
+    let gcd = |mut a: i64, mut b: i64| {
+        while b != 0 {
+            (a, b) = (b, a % b);
+        }
+        a
+    };
+    let step = numbers.windows(2).fold(0, |step, pair| gcd(step, pair[1] - pair[0]));
+    let (Some(first), Some(last)) = (numbers.first(), numbers.last()) else { return 1 };
+    // Of two frames nobody knows whether one is missing between them.
+    if numbers.len() < 3 || step < 2 || (last - first) / step >= 2 * numbers.len() as i64 { 1 } else { step }
+}
+
+/// Frames that are not right beside each other.
+pub fn apart(step: i64) -> Option<Warning> {
+    let message = format!(
+        "the frames are {step} apart, and motion vectors reach only to the frame right beside, so neighbours cannot help: set Output › \
+         Frame Range › Step to 1 and render the frames between"
+    );
+    (step > 1).then(|| Warning::new(WarningKind::FrameStep, message))
 }
 
 /// Frames of another resolution than most.
@@ -97,7 +123,7 @@ pub fn resolution(headers: &[Header]) -> Option<Warning> {
     if sizes.len() < 2 {
         return None;
     }
-    let show = |((c, r), n): (&(usize, usize), &Vec<i64>)| format!("{c}×{r} in frames {}", spans(n));
+    let show = |((c, r), n): (&(usize, usize), &Vec<i64>)| format!("{c}×{r} in {}", words::frames(n));
     let list = sizes.iter().map(show).collect::<Vec<_>>().join(", ");
     let advice = "frames of different sizes do not help each other; render the shot again at one resolution";
     Some(Warning::new(WarningKind::Resolution, format!("the resolution changes: {list}: {advice}")))
@@ -109,7 +135,7 @@ pub const VECTOR: &str = "Vector";
 /// How to get a Vector pass, or do without.
 pub fn vector_advice(header: &Header) -> String {
     let advice = header.missing.iter().find(|(pass, _)| pass == VECTOR).map(|(_, advice)| advice.as_str());
-    format!("{}, or pass --window 0", advice.unwrap_or("enable View Layer › Passes › Data › Vector"))
+    format!("{}, or set window to 0", advice.unwrap_or("enable View Layer › Passes › Data › Vector"))
 }
 
 /// Frames without a Vector pass.
@@ -134,7 +160,7 @@ pub fn missing_guides(headers: &[Header]) -> Vec<Warning> {
 pub fn notes(headers: &[Header]) -> Vec<Warning> {
     let text = |(note, numbers): (String, Vec<i64>)| match numbers.len() == headers.len() {
         true => note,
-        false => format!("frames {}: {note}", spans(&numbers)),
+        false => format!("{}: {note}", words::frames(&numbers)),
     };
     gather(headers, |h| h.notes.clone()).into_iter().map(|n| Warning::new(WarningKind::Note, text(n))).collect()
 }
@@ -268,7 +294,7 @@ impl PixelChecks {
     /// After a run's last frame: a Vector pass that was zero throughout although the colour changed.
     pub fn finish(&self) -> Option<Warning> {
         let message = "the Vector pass is zero in every frame: either nothing moves, or motion blur was on, which empties the pass; \
-                       then render Vector in a second view layer without motion blur and pass --vector-layer NAME";
+                       then render Vector in a second view layer without motion blur and set vector layer to NAME";
         (self.with_vector > 1 && !self.moving && self.differs).then(|| Warning::new(WarningKind::ZeroVector, message))
     }
 }
@@ -316,19 +342,39 @@ mod tests {
     fn headers_are_told_apart_by_frame() {
         let small = Header { columns: 4, ..header(3) };
         let text = resolution(&[header(1), header(2), small]).unwrap().message;
-        assert!(text.contains("4×4 in frames 3") && text.contains("8×4 in frames 1-2"), "{text}");
+        assert!(text.contains("4×4 in frame 3") && text.contains("8×4 in frames 1-2"), "{text}");
         let still = Header { vector: false, missing: vec![("Vector".into(), "do this".into())], ..header(12) };
         let text = no_vector(&[header(1), still.clone()]).unwrap().message;
-        assert!(text.starts_with("frame 12 has no Vector pass") && text.ends_with("do this, or pass --window 0"), "{text}");
+        assert!(text.starts_with("frame 12 has no Vector pass") && text.ends_with("do this, or set window to 0"), "{text}");
         assert!(no_vector(std::slice::from_ref(&still)).unwrap().message.starts_with("the frames have no Vector pass"));
         assert!(missing_guides(&[still]).is_empty());
         let bare = |n| Header { missing: vec![("Denoising Albedo".into(), "enable it".into())], ..header(n) };
         let text = missing_guides(&[bare(1), header(2), bare(3)]).remove(0).message;
         assert_eq!(text, "frames 1,3 have no Denoising Albedo pass, which would help: enable it");
         let lossy = |n| Header { notes: vec!["lossy".into()], ..header(n) };
-        assert_eq!(notes(&[lossy(1), header(2)])[0].message, "frames 1: lossy");
+        assert_eq!(notes(&[lossy(1), header(2)])[0].message, "frame 1: lossy");
         assert_eq!(notes(&[lossy(1), lossy(2)])[0].message, "lossy");
-        assert!(missing_frames(&[(3, 5), (9, 9)]).unwrap().message.contains("3-5,9"));
+        assert!(missing_frames(&[(3, 5), (9, 9)]).unwrap().message.starts_with("missing frames 3-5,9: they cannot"));
+        assert!(missing_frames(&[(9, 9)]).unwrap().message.starts_with("missing frame 9: it cannot"));
+    }
+
+    #[test]
+    fn a_frame_step_is_told_from_missing_frames() {
+        let steps: [(&[i64], i64); 8] = [
+            (&[1, 3, 5], 2),
+            (&[1, 3, 7, 9], 2),
+            (&[-4, 0, 4, 12], 4),
+            (&[1, 2, 4, 6], 1),
+            (&[1, 3], 1),
+            (&[5], 1),
+            (&[], 1),
+            (&[1, 3, 2_000_000_000_001], 1),
+        ];
+        for (numbers, step) in steps {
+            assert_eq!(frame_step(numbers), step, "{numbers:?}");
+        }
+        assert_eq!(apart(1), None);
+        assert_eq!(apart(2).unwrap().kind, WarningKind::FrameStep);
     }
 
     #[test]

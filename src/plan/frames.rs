@@ -93,6 +93,14 @@ impl FrameSet {
         Self { ranges }
     }
 
+    /// The set of every `step`th number from the first to the last of `numbers` (ascending); empty for none.
+    pub fn every(step: i64, numbers: &[i64]) -> Self {
+        match numbers.first().zip(numbers.last()) {
+            Some((first, last)) if step > 1 => Self::of(&(*first..=*last).step_by(step as usize).collect::<Vec<_>>()),
+            _ => Self::hull(numbers),
+        }
+    }
+
     /// The set of every number from the first to the last of `numbers` (ascending); empty for none.
     pub fn hull(numbers: &[i64]) -> Self {
         Self { ranges: numbers.first().zip(numbers.last()).map(|(a, b)| (*a, *b)).into_iter().collect() }

@@ -17,8 +17,8 @@ use crate::error::{Error, Result};
 pub struct Lambda {
     /// Frame and value, ascending, at least one.
     keys: Vec<(f64, f32)>,
-    /// A value was above the range and was brought down.
-    clamped: Option<f32>,
+    /// Values above the range that were brought down: how many, and the highest.
+    clamped: Option<(usize, f32)>,
 }
 
 /// As files hold it.
@@ -60,7 +60,7 @@ impl Lambda {
                 return bad(format!("{value} is out of range: 1 (cleanest) to 64 (keeps grain and hidden detail)"));
             }
             if value > high {
-                clamped = clamped.or(Some(value));
+                clamped = Some(clamped.map_or((1, value), |(count, high): (usize, f32)| (count + 1, high.max(value))));
             }
             sorted.push((frame, value.min(high)));
         }
@@ -91,7 +91,11 @@ impl Lambda {
 
     /// What to tell the user where a value was clamped.
     pub fn note(&self) -> Option<String> {
-        self.clamped.map(|value| format!("lambda {value} is beyond the range, {} is used", LAMBDA_RANGE.1))
+        let most = LAMBDA_RANGE.1;
+        self.clamped.map(|(count, high)| match count {
+            1 => format!("lambda {high} is beyond the range, {most} is used"),
+            _ => format!("lambda is beyond the range in {count} keys, up to {high}; {most} is used"),
+        })
     }
 }
 
@@ -174,6 +178,8 @@ mod tests {
             let lambda = read(high);
             assert!(lambda.at(9) == 64.0 && lambda.note().is_some(), "{high}");
         }
+        let note = read("1:100,2:300,3:200,4:8").note().unwrap();
+        assert_eq!(note, "lambda is beyond the range in 3 keys, up to 300; 64 is used");
     }
 
     #[test]

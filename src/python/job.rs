@@ -15,7 +15,7 @@ use crate::io::sequence::Sequence;
 use crate::network::weights::Weights;
 use crate::plan::lambda::Lambda;
 use crate::plan::skip::{Rule, Skip};
-use crate::settings::{Layered, Origin, ShotSettings, Sources, StageRef, gather};
+use crate::settings::{Layered, Origin, ShotSettings, Sources, StageRef, gather, read_apart};
 use crate::shot::Job;
 
 /// A shot as Python asked for it: its job, and what the engine for it is made of.
@@ -129,7 +129,7 @@ impl Keywords {
 
     fn settings(&self, folder: Option<&std::path::Path>) -> Result<Layered> {
         let look_beside = !self.no_settings;
-        let sources = Sources { usd: self.usd.clone(), file: self.file.clone(), look_beside, ..Sources::default() };
+        let sources = Sources { usd: self.usd.clone(), file: self.file.clone(), look_beside, read_usd: &read_apart };
         let keyword = |name: &str| Origin::Argument { name: if name == "lambda" { "lam".into() } else { name.to_owned() } };
         Ok(Layered::new(self.given.clone(), keyword).over(gather(folder, &sources, ShotSettings::default())?))
     }

@@ -7,6 +7,7 @@ mod errors;
 mod job;
 mod sequence;
 mod settings;
+mod stage_reader;
 
 use pyo3::prelude::*;
 
@@ -23,6 +24,7 @@ fn _hush(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<sequence::SequenceCheck>()?;
     m.add_function(wrap_pyfunction!(denoiser::denoise, m)?)?;
     m.add_function(wrap_pyfunction!(command::main, m)?)?;
+    m.add_function(wrap_pyfunction!(stage_reader::read_stages_with, m)?)?;
     m.add_function(wrap_pyfunction!(sequence::inspect, m)?)?;
     m.add_function(wrap_pyfunction!(sequence::plan_sequence, m)?)?;
     m.add_function(wrap_pyfunction!(sequence::denoise_sequence, m)?)

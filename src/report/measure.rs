@@ -69,7 +69,7 @@ pub fn measure(
     if !options.chosen && frames.len() > FRAMES {
         frames = frames.split_off((of_frames - FRAMES) / 2);
         frames.truncate(FRAMES);
-        let text = format!("Measured were {FRAMES} of {of_frames} frames, in the middle of the shot: --frames chooses others.");
+        let text = format!("Measured were {FRAMES} of {of_frames} frames, in the middle of the shot.");
         remarks.push(text);
     }
     let candidates = candidates(scope.has_vectors(), options.oidn.is_some());
@@ -115,7 +115,7 @@ pub fn measure(
 
 /// The references by frame number.
 fn references(path: &Path, frames: &[i64], remarks: &mut Vec<String>) -> Result<BTreeMap<i64, PathBuf>> {
-    let found: BTreeMap<i64, PathBuf> = Sequence::find(&[path])?.frames.into_iter().map(|f| (f.number, f.path)).collect();
+    let found: BTreeMap<i64, PathBuf> = Sequence::find(&[path])?.asked().map(|f| (f.number, f.path.clone())).collect();
     let (with, without): (Vec<i64>, Vec<i64>) = frames.iter().partition(|n| found.contains_key(n));
     if with.is_empty() {
         let numbers: Vec<i64> = found.keys().copied().collect();

@@ -120,7 +120,7 @@ impl Oidn {
     }
 
     fn failed(&self, reason: impl Into<String>) -> Error {
-        Error::bad_file(&self.program, format!("{}: leave it out with --no-oidn", reason.into()))
+        Error::bad_file(&self.program, format!("{}: set oidn to false to do without", reason.into()))
     }
 }
 

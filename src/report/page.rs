@@ -241,7 +241,7 @@ fn checks(report: &Report) -> String {
 fn method(report: &Report) -> String {
     let own = match report.basis {
         Basis::Reference => "SMAPE, relMSE and flicker are those of <code>hush eval</code>.",
-        Basis::Estimate => "With <code>--reference</code> the page shows errors instead of an estimate.",
+        Basis::Estimate => "With a reference the page shows errors instead of an estimate.",
     };
     let peer = match report.rows_by_setting.iter().any(|r| r.candidate.kind == Kind::Oidn) {
         true => {

@@ -29,7 +29,7 @@ pub const KEYS: [Key; 20] = [
     key("window", "hush:window", "int", "--window", "2 with a Vector pass, else 0"),
     key("layers", "hush:layers", "token[]", "--layer", "the one with the most samples"),
     key("view", "hush:view", "token", "--view", "all"),
-    key("vector_layer", "hush:vectorLayer", "token", "--vector-layer", "the layer denoised"),
+    key("vector_layer", "hush:vectorLayer", "token", "--vector-layer", "Hush Vectors where it is there, else the layer denoised"),
     key("aovs", "hush:aovs", "token[]", "--aov", "none"),
     key("guides", "hush:guides", "token[]", "--guides", "albedo, normal, depth, vector"),
     key("passes.beauty", "hush:passes:beauty", "string", "", "Combined"),

@@ -157,7 +157,7 @@ impl Layered {
     /// # Errors
     /// [`Error::BadSetting`] where no source names one.
     pub fn output(&self) -> Result<PathBuf> {
-        let reason = "no folder to write to is known: pass --output, or set output in hush.toml";
+        let reason = "no folder to write to is known: set output to DIR, or write it into hush.toml";
         self.values.output.clone().ok_or_else(|| Error::BadSetting { name: "output", reason: reason.into() })
     }
 
@@ -233,10 +233,10 @@ mod tests {
 
     #[test]
     fn a_shot_switched_off_is_no_job() {
-        let sequence = Sequence { name: "f".into(), frames: Vec::new(), ignored: Vec::new() };
+        let sequence = Sequence { name: "f".into(), frames: Vec::new(), ignored: Vec::new(), named: None };
         let off = layered(r#"{"enable": false, "output": "out"}"#, "x").job(sequence.clone(), None);
         assert!(matches!(off, Err(Error::SwitchedOff { by }) if by == "x enable"));
         let nowhere = layered("{}", "x").job(sequence, None).unwrap_err().to_string();
-        assert!(nowhere.contains("--output") && nowhere.contains("hush.toml"), "{nowhere}");
+        assert!(nowhere.contains("set output to") && nowhere.contains("hush.toml"), "{nowhere}");
     }
 }

@@ -10,6 +10,7 @@
 //! # Ok::<(), hush::Error>(())
 //! ```
 
+mod apart;
 mod gather;
 mod keys;
 mod layered;
@@ -27,6 +28,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+pub use apart::{READ_STAGE, StageReader, answer as stage_answer, read_apart, set_stage_reader};
 pub use gather::{Sources, gather};
 pub use keys::{KEYS, Key};
 pub use layered::{Layered, Origin};

@@ -216,7 +216,10 @@ fn targets(job: &Job, numbers: &[i64], recorded: &BTreeMap<i64, (PathBuf, &Entry
             return Err(Error::BadSetting { name: "frames", reason });
         }
         Some(frames) => frames.iter().collect(),
-        None => numbers.iter().copied().chain(recorded.keys().copied()).collect(),
+        None => {
+            let all = numbers.iter().chain(recorded.keys()).copied();
+            all.filter(|n| job.sequence.is_named(*n)).collect()
+        }
     };
     targets.sort_unstable();
     targets.dedup();

@@ -82,6 +82,11 @@ impl Job {
         }
     }
 
+    /// Whether a frame is to be written; others only help.
+    pub(crate) fn wants(&self, number: i64) -> bool {
+        self.frames.as_ref().is_none_or(|set| set.contains(number)) && self.sequence.is_named(number)
+    }
+
     /// Frames on each side that may help, before it is known whether there are motion vectors.
     ///
     /// # Errors
@@ -92,7 +97,7 @@ impl Job {
             return Ok(reach);
         }
         if self.window.is_some_and(|w| w > 0) {
-            let reason = "needs motion vectors, which are switched off: pass --window 0 or leave the Vector pass on";
+            let reason = "needs motion vectors, which are switched off: set window to 0 or leave the Vector pass on";
             return Err(Error::BadSetting { name: "window", reason: reason.into() });
         }
         Ok(0)
@@ -205,11 +210,13 @@ impl FrameSettings {
 
     /// What changed since `old`.
     pub(super) fn changes_since(&self, old: &Self) -> Vec<Change> {
-        let opt = |o: &Option<String>| o.clone().unwrap_or_else(|| "default".into());
+        let list = |names: &[String], none: &str| if names.is_empty() { none.to_owned() } else { names.join("+") };
+        let layers = |s: &Self| list(&s.layers, "the one with the most samples");
+        let opt = |o: &Option<String>, none: &str| o.clone().unwrap_or_else(|| none.into());
         let model = |m: &ModelId| m.hash.as_ref().map_or(m.name.clone(), |h| format!("{} ({h})", m.name));
         let guides = |g: &GuideSettings| {
             let on = [("albedo", g.albedo), ("normal", g.normal), ("depth", g.depth), ("vector", g.vector)];
-            on.iter().filter(|(_, on)| *on).map(|(name, _)| *name).collect::<Vec<_>>().join("+")
+            list(&on.iter().filter(|(_, on)| *on).map(|(name, _)| name.to_string()).collect::<Vec<_>>(), "none")
         };
         let passes = |p: &PassNames| {
             let named =
@@ -222,19 +229,21 @@ impl FrameSettings {
             some => some.join("+"),
         };
         let change = |kind, name, old, new| Change { kind, name, old, new };
+        let vectors = |s: &Self| opt(&s.vector_layer, "as the file has it");
+        let renderer = |s: &Self| opt(&s.renderer, DEFAULT_RENDERER);
         let all = [
             change(StaleKind::Lambda, "lambda", old.lambda.to_string(), self.lambda.to_string()),
             change(StaleKind::Window, "window", old.window.to_string(), self.window.to_string()),
-            change(StaleKind::Layers, "layers", old.layers.join("+"), self.layers.join("+")),
-            change(StaleKind::View, "view", opt(&old.view), opt(&self.view)),
-            change(StaleKind::VectorLayer, "vector layer", opt(&old.vector_layer), opt(&self.vector_layer)),
+            change(StaleKind::Layers, "layers", layers(old), layers(self)),
+            change(StaleKind::View, "view", opt(&old.view, "all"), opt(&self.view, "all")),
+            change(StaleKind::VectorLayer, "vector layer", vectors(old), vectors(self)),
             change(StaleKind::Guides, "guides", guides(&old.guides), guides(&self.guides)),
             change(StaleKind::Passes, "pass names", passes(&old.passes), passes(&self.passes)),
-            change(StaleKind::Aovs, "AOVs", old.aovs.join("+"), self.aovs.join("+")),
+            change(StaleKind::Aovs, "AOVs", list(&old.aovs, "none"), list(&self.aovs, "none")),
             change(StaleKind::KeepNoisy, "keep noisy", old.keep_noisy.to_string(), self.keep_noisy.to_string()),
             change(StaleKind::Skip, "left out", rules(old.skip), rules(self.skip)),
             change(StaleKind::Model, "model", model(&old.model), model(&self.model)),
-            change(StaleKind::Renderer, "renderer", opt(&old.renderer), opt(&self.renderer)),
+            change(StaleKind::Renderer, "renderer", renderer(old), renderer(self)),
         ];
         all.into_iter().filter(|c| c.old != c.new).collect()
     }
@@ -268,7 +277,7 @@ mod tests {
 
     fn job() -> Job {
         let frames = vec![SequenceFrame { number: 1, path: "a.exr".into() }];
-        Job::new(Sequence { name: "a.exr".into(), frames, ignored: Vec::new() }, "out")
+        Job::new(Sequence { name: "a.exr".into(), frames, ignored: Vec::new(), named: None }, "out")
     }
 
     #[test]
@@ -286,7 +295,14 @@ mod tests {
         let c = Job { skip: Skip::NONE, ..job() }.settings(2, 1).unwrap();
         assert_eq!(words(&c), ["left out constant+opaque+untrusted+still → nothing"]);
         let d = Job { renderer: Some("Mitsuba".into()), ..job() }.settings(2, 1).unwrap();
-        assert_eq!(words(&d), ["renderer default → mitsuba"]);
+        assert_eq!(words(&d), ["renderer cycles → mitsuba"]);
+        let mut all = job();
+        all.selection.layers = vec!["all".into()];
+        all.selection.aovs = vec!["all".into()];
+        all.selection.guides = Guides { albedo: false, normal: false, depth: false, vector: false };
+        let since_all = a.changes_since(&all.settings(2, 1).unwrap());
+        let told = ["layers all → the one with the most samples", "guides none → albedo+normal+depth+vector", "AOVs all → none"];
+        assert_eq!(since_all.iter().map(Change::to_string).collect::<Vec<_>>(), told);
         assert_eq!(Job { renderer: Some("cycles".into()), ..job() }.settings(2, 1).unwrap(), a);
         assert!(!serde_json::to_string(&a).unwrap().contains("renderer"), "manifests of before must keep their keys");
         assert!(a.key() != b.key() && a.key() == job().settings(2, 9).unwrap().key());

@@ -99,7 +99,7 @@ mod tests {
     use crate::shot::{Entry, FrameSettings, Job, Status};
 
     fn entry(frame: i64) -> (Manifest, FrameSettings) {
-        let sequence = crate::io::sequence::Sequence { name: "a".into(), frames: Vec::new(), ignored: Vec::new() };
+        let sequence = crate::io::sequence::Sequence { name: "a".into(), frames: Vec::new(), ignored: Vec::new(), named: None };
         let settings = Job::new(sequence, "out").settings(2, frame).unwrap();
         let mut manifest = Manifest::default();
         let key = manifest.settings_key(&settings);

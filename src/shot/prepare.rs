@@ -18,6 +18,7 @@ use crate::io::sequence::spans;
 use crate::plan::checks::{self, Header, Warning, WarningKind};
 use crate::plan::frames::{FrameSet, show_ranges};
 use crate::plan::window::{Known, Neighbour, Unused, neighbours};
+use crate::words::{self, counted};
 
 /// What is to be done with a frame.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -108,8 +109,7 @@ impl Plan {
         let mut files = FileMemory::default();
         let reach = job.reach()?;
         let numbers = job.sequence.numbers();
-        let wanted = |n: i64| job.frames.as_ref().is_none_or(|set| set.contains(n));
-        let targets: Vec<i64> = numbers.iter().copied().filter(|n| wanted(*n)).collect();
+        let targets: Vec<i64> = numbers.iter().copied().filter(|n| job.wants(*n)).collect();
         if targets.is_empty() {
             let reason = format!("none of the frames asked for is there; the sequence has {}", spans(&numbers));
             return Err(Error::BadInput { input: job.sequence.name.clone(), reason });
@@ -123,8 +123,15 @@ impl Plan {
         let headers: Vec<Header> = targets.iter().filter_map(|t| sources.good.get(t)).map(|s| s.header.clone()).collect();
         let window = resolve_window(job, &sources, &headers, reach)?;
         let settings = job.settings(window, targets.first().copied().unwrap_or_default())?;
-        let gaps = job.frames.clone().unwrap_or_else(|| FrameSet::hull(&numbers)).missing(&numbers);
+        let step = checks::frame_step(&numbers);
+        let gaps = match &job.frames {
+            Some(asked) => asked.missing(&numbers),
+            None if job.sequence.named.is_some() => Vec::new(),
+            None => FrameSet::every(step, &numbers).missing(&numbers),
+        };
         let mut warnings = header_warnings(job, &headers, &gaps)?;
+        // Of a shot that is still being rendered, nobody knows the step.
+        warnings.extend(checks::apart(step).filter(|_| window > 0 && job.whole.is_none()));
         let empty = Manifest::default();
         let manifest = ledger.read().unwrap_or_else(|e| {
             warnings.push(Warning::new(WarningKind::Manifest, format!("{e}: what it says about the frames there is not known")));
@@ -279,7 +286,8 @@ fn plan_frames(
                     match why_stale(entry, &output, &wanted, manifest, files) {
                         None => Action::Skip,
                         Some(stale) => {
-                            let loss = why_worse(job, entry, manifest, settings, &window);
+                            let vectors = sources.good.get(&number).and_then(Source::vector_layer);
+                            let loss = why_worse(job, entry, manifest, vectors, &window);
                             worse.extend(loss.filter(|_| same_input(entry, &job.sequence, files)).map(|why| (number, why)));
                             Action::Denoise(Some(stale.reason))
                         }
@@ -296,9 +304,9 @@ fn plan_frames(
     }
     if let Some(first) = foreign.first() {
         let reason = format!(
-            "is there already, and {MANIFEST} does not say that Hush wrote it ({} such files): choose another output folder or pass \
-             --overwrite to replace them",
-            foreign.len()
+            "is there already, and {MANIFEST} does not say that Hush wrote it ({}): choose another output folder or set overwrite to \
+             true to replace what is there",
+            counted(foreign.len(), "such file")
         );
         return Err(Error::io(first, std::io::Error::new(std::io::ErrorKind::AlreadyExists, reason)));
     }
@@ -306,14 +314,14 @@ fn plan_frames(
         let numbers: Vec<i64> = worse.iter().map(|(n, _)| *n).collect();
         return Err(Error::BadInput {
             input: job.output.display().to_string(),
-            reason: format!("holds better frames {} than this run would make of the same files: {why}", spans(&numbers)),
+            reason: format!("holds {} better than this run would make them of the same files: {why}", words::frames(&numbers)),
         });
     }
     Ok(frames)
 }
 
 /// Why a frame that is there is better than the one that would take its place; only what was not asked for counts.
-fn why_worse(job: &Job, entry: &Entry, manifest: &Manifest, settings: &FrameSettings, window: &[Neighbour]) -> Option<String> {
+fn why_worse(job: &Job, entry: &Entry, manifest: &Manifest, vectors: Option<&str>, window: &[Neighbour]) -> Option<String> {
     if job.window.is_some() || !job.selection.guides.vector || !matches!(entry.status, Status::Denoised | Status::Skipped) {
         return None;
     }
@@ -321,28 +329,42 @@ fn why_worse(job: &Job, entry: &Entry, manifest: &Manifest, settings: &FrameSett
     if !entry.neighbours.iter().any(|n| n.used) {
         return None;
     }
-    if let (Some(layer), None) = (&old.vector_layer, &settings.vector_layer) {
+    let lost = old.vector_layer.as_deref().filter(|layer| job.selection.vector_layer.is_none() && Some(*layer) != vectors);
+    if let Some(layer) = lost {
         return Some(format!(
-            "they have the motion vectors of view layer {layer}, which is not named any more; name it again as the vector layer, or \
-             overwrite them"
+            "they have the motion vectors of view layer {layer}, which is not named any more: set vector layer to '{layer}', or set \
+             overwrite to true"
         ));
     }
     let alone = !window.iter().any(|n| n.unused.is_none());
     alone.then(|| {
-        "the frames beside them helped, and now there are no motion vectors for that; set the window to 0 or overwrite them"
+        "the frames beside them helped, and now there are no motion vectors for that: set window to 0, or set overwrite to true"
             .into()
     })
 }
 
 /// Frames that are made again, by reason.
 fn redone_warnings(frames: &[PlannedFrame]) -> Vec<Warning> {
-    let mut reasons: BTreeMap<&str, Vec<i64>> = BTreeMap::new();
+    // Keyframed λ changes from another value to another value in each frame; that is one reason.
+    let kind = |why: &'_ str| match why.strip_prefix("lambda ") {
+        Some(lambda) => (true, lambda.split_once(", ").map(|(_, rest)| rest.to_owned())),
+        None => (false, Some(why.to_owned())),
+    };
+    let mut reasons: BTreeMap<_, Vec<(i64, &str)>> = BTreeMap::new();
     for frame in frames {
         if let Action::Denoise(Some(why)) = &frame.action {
-            reasons.entry(why).or_default().push(frame.frame);
+            reasons.entry(kind(why)).or_default().push((frame.frame, why));
         }
     }
-    let text = |(why, numbers): (&str, Vec<i64>)| format!("frames {} are made again: {why}", spans(&numbers));
+    let text = |(kind, some): ((bool, Option<String>), Vec<(i64, &str)>)| {
+        let numbers: Vec<i64> = some.iter().map(|(number, _)| *number).collect();
+        let verb = if numbers.len() == 1 { "is" } else { "are" };
+        let why = match some.as_slice() {
+            [(_, first), rest @ ..] if rest.iter().all(|(_, why)| why == first) => (*first).to_owned(),
+            _ => format!("lambda has changed{}", kind.1.map(|rest| format!(", {rest}")).unwrap_or_default()),
+        };
+        format!("{} {verb} made again: {why}", words::frames(&numbers))
+    };
     reasons.into_iter().map(text).map(|t| Warning::new(WarningKind::Redone, t)).collect()
 }
 

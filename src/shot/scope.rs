@@ -38,7 +38,8 @@ impl Scope {
         reach: usize,
     ) -> Result<Self> {
         let numbers = sequence.numbers();
-        let wanted: Vec<i64> = numbers.iter().copied().filter(|n| frames.is_none_or(|set| set.contains(*n))).collect();
+        let wanted: Vec<i64> =
+            numbers.iter().copied().filter(|n| sequence.is_named(*n) && frames.is_none_or(|set| set.contains(*n))).collect();
         let asked = window.map(check_window).transpose()?;
         let reach = asked.unwrap_or(DEFAULT_WINDOW).max(reach) as u64;
         let (mut good, mut bad, mut first_error) = (BTreeMap::new(), BTreeMap::new(), None);

@@ -4,7 +4,9 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::error::Result;
+use ndarray::Axis;
+
+use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::io::{Layout, Resolved, Selection, caveats, read_frame, read_layout, resolve_views};
 use crate::plan::checks::Header;
@@ -54,6 +56,11 @@ impl Source {
         Ok(Self { path: layout.path.clone(), layout, views, header, passes: hasher.finish() })
     }
 
+    /// The view layer that the motion vectors come from.
+    pub fn vector_layer(&self) -> Option<&str> {
+        self.views.first()?.vector.as_ref().map(|pass| pass.layer.as_str())
+    }
+
     /// For the window.
     pub fn known(&self) -> Known {
         let Header { columns, rows, vector, .. } = self.header;
@@ -61,8 +68,17 @@ impl Source {
     }
 
     /// Decodes the views.
+    ///
+    /// # Errors
+    /// The file is damaged, or a view holds nothing but NaN and infinities.
     pub fn read(&self) -> Result<Vec<Frame>> {
-        self.views.iter().map(|view| read_frame(&self.layout, view)).collect()
+        let read = |view| {
+            let frame = read_frame(&self.layout, view)?;
+            let finite = frame.colour.lanes(Axis(2)).into_iter().any(|pixel| pixel.iter().all(|v| v.is_finite()));
+            let bad = || Error::bad_file(&self.path, format!("{} holds no finite pixel: render it again", view.colour.label()));
+            if finite { Ok(frame) } else { Err(bad()) }
+        };
+        self.views.iter().map(read).collect()
     }
 
     /// About the bytes of the decoded frame.

@@ -107,7 +107,7 @@ pub fn survey(
     progress: &dyn Fn(usize),
     cancel: &CancelToken,
 ) -> Result<Survey> {
-    let mut look = Look { scope, ring: BTreeMap::new(), failed: scope.bad.clone(), first_error: None };
+    let mut look = Look { scope, ring: BTreeMap::new(), opaque: BTreeMap::new(), failed: scope.bad.clone(), first_error: None };
     let (mut frames, mut each) = (Vec::new(), Vec::new());
     let all = RULES.into_iter().fold(skip, |skip, rule| skip.with(rule, true));
     for (done, &number) in scope.frames.iter().enumerate() {
@@ -117,7 +117,11 @@ pub fn survey(
         let Some(centre) = look.ring.get(&number) else { continue };
         let count = around.iter().filter(|(_, n)| look.ring.contains_key(n)).count();
         let of = |skip: Skip| -> Vec<LeftOut> {
-            let view = |(view, centre)| engine.left_out(centre, &look.neighbours(&around, view), skip);
+            let opaque = |view: usize| look.opaque.get(&number).and_then(|views| views.get(view)).copied().unwrap_or(false);
+            let view = |(view, centre)| {
+                let found = engine.left_out(centre, &look.neighbours(&around, view), skip);
+                LeftOut { alpha: found.alpha || opaque(view), ..found }
+            };
             centre.iter().enumerate().map(view).collect()
         };
         let left_out = of(skip);
@@ -171,6 +175,8 @@ fn summary(rule: Rule, on: bool, each: &[Vec<LeftOut>]) -> RuleSummary {
 struct Look<'a> {
     scope: &'a Scope,
     ring: BTreeMap<i64, Vec<EncodedFrame>>,
+    /// Whether the file has alpha that is 1 everywhere, which is not even taken in.
+    opaque: BTreeMap<i64, Vec<bool>>,
     failed: BTreeMap<i64, String>,
     first_error: Option<Error>,
 }
@@ -185,7 +191,12 @@ impl Look<'_> {
             if self.ring.contains_key(&n) || self.failed.contains_key(&n) {
                 continue;
             }
-            let read = self.scope.read(n).and_then(|views| views.iter().map(|f| engine.look(f)).collect());
+            let read = self.scope.read(n).and_then(|views| {
+                let resolved = self.scope.about(n).map(|(_, resolved)| resolved).unwrap_or_default();
+                let opaque = views.iter().zip(resolved).map(|(f, r)| r.alpha.is_some() && f.alpha.is_none()).collect();
+                self.opaque.insert(n, opaque);
+                views.iter().map(|f| engine.look(f)).collect()
+            });
             match read {
                 Ok(views) => _ = self.ring.insert(n, views),
                 Err(error) => {

@@ -105,7 +105,7 @@ pub struct Report {
     pub failed: Vec<i64>,
     /// Frames done without a neighbour whose file is bad.
     pub degraded: Vec<i64>,
-    /// Frames asked for by number that have not come, as `3-5,9`.
+    /// Frames asked for by number that have not come, as `3-5,9`; of several shots as `a_####.exr 3-5,9; b_####.exr 7`.
     pub missing: String,
     /// Stopped by the [`CancelToken`](crate::shot::CancelToken).
     pub interrupted: bool,

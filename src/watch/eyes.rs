@@ -85,7 +85,7 @@ fn refusal(folder: &Path, error: &notify::Error) -> String {
         notify::ErrorKind::Io(e) if matches!(e.raw_os_error(), Some(libc::EMFILE | libc::ENOSPC)) => full.to_string(),
         _ => error.to_string(),
     };
-    format!("{}: {reason}: the folder is scanned every few seconds instead, as with --poll", folder.display())
+    format!("{}: {reason}: the folder is scanned every few seconds instead", folder.display())
 }
 
 fn take(shared: &Shared, result: DebounceEventResult) {

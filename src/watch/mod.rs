@@ -44,7 +44,8 @@ pub struct Options {
     pub once: bool,
 }
 
-/// Watches a folder until it is cancelled, or with `once` until everything there is done.
+/// Watches a folder until it is cancelled, with `once` until everything there is done, and where the jobs say which frames there
+/// will be until those are done, in every shot that has begun to come.
 ///
 /// `job` gives the settings of a shot, whose first file it is told; its output, `overwrite` and `strict` are not used. Events are
 /// reported on the calling thread.

@@ -339,7 +339,7 @@ impl Frames {
 
     /// How many frames are in which state.
     pub fn counts(&self, rules: &Rules) -> Counts {
-        let mut counts = Counts { partial: self.partial().count(), ..Counts::default() };
+        let mut counts = Counts { partial: self.open.len(), ..Counts::default() };
         for (number, state) in self.all.iter().filter(|(n, _)| rules.wants(**n)) {
             let whole = matches!(state.landing, Landing::Whole { .. });
             counts.landed += usize::from(whole);
@@ -351,6 +351,25 @@ impl Frames {
             }
         }
         counts
+    }
+
+    /// Whether one of the frames that are to be written has been seen.
+    pub fn any_wanted(&self, rules: &Rules) -> bool {
+        self.all.keys().any(|n| rules.wants(*n))
+    }
+
+    /// Whether every frame that the shot will have is made, of what is there now. False where it is not known which those are.
+    pub fn has_all(&self, rules: &Rules) -> bool {
+        let Some(set) = &rules.frames else { return false };
+        let unsettled = |n: &i64| match self.all.get(n).map(|s| &s.landing) {
+            Some(Landing::Unchecked { .. }) => true,
+            Some(Landing::Partial { .. }) => rules.wants(*n),
+            _ => false,
+        };
+        let made =
+            |(n, s): (&i64, &State)| (s.made.as_ref().is_some_and(|m| !m.failed) && !self.needs_work(*n, rules)).then_some(*n);
+        let done: Vec<i64> = self.all.iter().filter_map(made).collect();
+        set.missing(&done).is_empty() && !self.open.iter().any(unsettled)
     }
 
     /// The whole frames that could not be denoised.

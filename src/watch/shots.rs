@@ -47,7 +47,7 @@ impl Shot {
         let key = ShotKey::clone(&place.key);
         let path = tree.source(&key, place.number, place.digits);
         let frames = vec![SequenceFrame { number: place.number, path }];
-        let mut job = job(Sequence { name: key.pattern(place.digits), frames, ignored: Vec::new() })?;
+        let mut job = job(Sequence { name: key.pattern(place.digits), frames, ignored: Vec::new(), named: None })?;
         job.output = tree.output(&key);
         job.sequence.frames.clear();
         (job.overwrite, job.strict) = (false, false);
@@ -193,7 +193,7 @@ impl Shot {
         let known = self.rules.frames.as_ref().and_then(FrameSet::ends);
         let ends = [known, self.frames.ends()].into_iter().flatten().reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
         let whole = ends.map(|(first, last)| WholeShot { first, last, vector: self.frames.has_vector() });
-        let sequence = Sequence { name: self.job.sequence.name.clone(), frames, ignored: Vec::new() };
+        let sequence = Sequence { name: self.job.sequence.name.clone(), frames, ignored: Vec::new(), named: None };
         Job { sequence, whole, frames: Some(FrameSet::of(targets)), ..self.job.clone() }
     }
 }

@@ -53,8 +53,8 @@ pub(super) struct Watcher<'a> {
     /// The input folder, as the system knows it; none while it is not there.
     root: Option<(u64, u64)>,
     real_input: PathBuf,
-    /// Shots whose settings cannot be had, until the next attempt.
-    refused: BTreeMap<ShotKey, Duration>,
+    /// Shots whose settings cannot be had: until the next attempt, and whether there is something to mend.
+    refused: BTreeMap<ShotKey, (Duration, bool)>,
     poll: Option<Duration>,
     next_scan: Duration,
     next_trim: Duration,
@@ -74,7 +74,7 @@ impl<'a> Watcher<'a> {
     ) -> Result<Self> {
         let tree = Tree::new(&options.input, &options.output)?;
         // Settings that no shot could be denoised with are told now.
-        job(Sequence { name: String::new(), frames: Vec::new(), ignored: Vec::new() })?.reach()?;
+        job(Sequence { name: String::new(), frames: Vec::new(), ignored: Vec::new(), named: None })?.reach()?;
         Ok(Self {
             options,
             report,
@@ -128,6 +128,10 @@ impl<'a> Watcher<'a> {
                     self.eyes.hints(Duration::ZERO)
                 }
                 false if self.options.once && self.is_finished() => break,
+                false if self.has_all() => {
+                    self.tell();
+                    break;
+                }
                 false => {
                     self.tell();
                     self.eyes.hints(TICK)
@@ -140,7 +144,7 @@ impl<'a> Watcher<'a> {
     /// Events where there are any to be had.
     fn choose_eyes(&mut self) {
         if self.poll.is_none() && is_remote(&self.tree.input) {
-            self.warn("the folder is on a network: it is scanned every few seconds, as with --poll".into());
+            self.warn("the folder is on a network: it is scanned every few seconds".into());
             self.poll = Some(POLL);
         }
         let (input, output) = (&self.tree.input, &self.tree.output);
@@ -235,7 +239,7 @@ impl<'a> Watcher<'a> {
     fn seen(&mut self, place: Place, stamp: Stamp, closed: bool) -> Result<()> {
         let now = self.now();
         if !self.shots.contains_key(&place.key) {
-            if self.refused.get(&*place.key).is_some_and(|until| now < *until) {
+            if self.refused.get(&*place.key).is_some_and(|(until, _)| now < *until) {
                 return Ok(());
             }
             match Shot::new(&self.tree, &place, self.options, self.job) {
@@ -243,7 +247,8 @@ impl<'a> Watcher<'a> {
                 Err(error) if self.options.once && !matches!(error, Error::SwitchedOff { .. }) => return Err(error),
                 // The other shots are not to suffer from it; the settings may be mended.
                 Err(error) => {
-                    self.refused.insert(ShotKey::clone(&place.key), now + POLL);
+                    let mendable = !matches!(error, Error::SwitchedOff { .. });
+                    self.refused.insert(ShotKey::clone(&place.key), (now + POLL, mendable));
                     let message = format!("left out {}: {error}", place.key.name(place.digits));
                     if self.told_ignored.insert(message.clone().into()) {
                         self.warn(message);
@@ -287,6 +292,35 @@ impl<'a> Watcher<'a> {
         let now = self.now();
         let idle = |s: &Shot| s.frames.held(now) == 0 && s.frames.due(&s.rules, now).is_empty();
         self.shots.values().all(idle)
+    }
+
+    /// Every frame that was asked for by number is done, in every shot that has one of them; no other shot is known to come.
+    fn has_all(&self) -> bool {
+        let waits = |(key, (_, mendable)): (&ShotKey, &(Duration, bool))| *mendable && !self.shots.contains_key(key);
+        let mut asked = self.asked().peekable();
+        asked.peek().is_some() && asked.all(|s| s.frames.has_all(&s.rules)) && !self.refused.iter().any(waits)
+    }
+
+    /// The shots that hold a frame that is to be written.
+    fn asked(&self) -> impl Iterator<Item = &Shot> {
+        self.shots.values().filter(|s| s.rules.frames.is_none() || s.frames.any_wanted(&s.rules))
+    }
+
+    /// The frames that were asked for and have not come: `3-5,9`; of several shots each with its name.
+    fn missing(&self) -> String {
+        let all = self.asked().count() == 0;
+        let shots: Vec<&Shot> = if all { self.shots.values().collect() } else { self.asked().collect() };
+        let missing = |shot: &Shot| {
+            let there: Vec<i64> = shot.frames.there().collect();
+            show_ranges(&shot.rules.frames.as_ref().map(|set| set.missing(&there)).unwrap_or_default())
+        };
+        match shots.as_slice() {
+            [only] => missing(only),
+            several => {
+                let told = several.iter().map(|s| (s, missing(s))).filter(|(_, missing)| !missing.is_empty());
+                told.map(|(shot, missing)| format!("{} {missing}", shot.name)).collect::<Vec<_>>().join("; ")
+            }
+        }
     }
 
     fn counts(&self) -> (Counts, usize) {
@@ -353,11 +387,8 @@ impl<'a> Watcher<'a> {
                 done.failed.extend(shot.frames.partial().map(|(n, ..)| n));
             }
             done.degraded.extend(&shot.degraded);
-            if let Some(set) = &shot.rules.frames {
-                let there: Vec<i64> = shot.frames.there().collect();
-                done.missing.push_str(&show_ranges(&set.missing(&there)));
-            }
         }
+        done.missing = self.missing();
         done.stopped = self.stopped.as_ref().map(ToString::to_string);
         done.seconds = self.now().as_secs_f64();
         self.swept.iter().for_each(|output| tidy(output));

@@ -300,6 +300,90 @@ def test_the_command_comes_with_the_wheel(command_line: Hush, small: Path, tmp_p
         assert len(pixels(output)) == COUNT
 
 
+STAGE = """#usda 1.0
+def Scope "Render"
+{
+    def RenderPass "Pass"
+    {
+        float hush:lambda = 4
+        int hush:window = 1
+    }
+}
+"""
+
+
+@pytest.mark.parametrize("start", ["script", "module", "call"])
+def test_usd_is_read_and_nothing_of_the_working_folder_runs(small: Path, tmp_path: Path, start: str) -> None:
+    """What is started to read a stage is Hush, whatever lies in the folder that one stands in."""
+    shot = tmp_path / "shot"
+    shot.mkdir()
+    for path in small.glob("*.exr"):
+        (shot / path.name).symlink_to(path)
+    (shot / "hush.toml").write_text('usd = "stage.usda"\n')
+    (shot / "stage.usda").write_text(STAGE)
+    trap = f"open({str(tmp_path / 'trapped')!r}, 'w').close()\n"
+    # `python -m` itself imports from the working folder, so its traps are those that only the reader could fall into.
+    traps = (
+        ["read-stage", "sitecustomize.py"] if start == "module" else ["read-stage", "sitecustomize.py", "hush.py", "numpy.py", "json.py"]
+    )
+    for name in traps:
+        (tmp_path / name).write_text(trap)
+    programs = {
+        "script": command(),
+        "module": [sys.executable, "-m", "hush"],
+        "call": [sys.executable, "-P", "-c", "import hush, sys; sys.exit(hush.main())"],
+    }
+    environment = {**os.environ, "PYTHONSTARTUP": str(tmp_path / "read-stage")}
+    for arguments in (["show", "--json", "shot/stage.usda"], ["show", "--json", "--usd", "shot/stage.usda"], ["show", "--json", "shot"]):
+        run = subprocess.run(
+            [*programs[start], "shot", *arguments], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+        )
+        assert run.returncode == 0, run.stderr
+        settings = json.loads(run.stdout)["settings"]
+        assert (settings["lambda"]["value"], settings["window"]["value"]) == (4.0, 1), arguments
+    run = subprocess.run(
+        [*programs[start], "denoise", "shot", "-o", "out", "--frames", "1"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert run.returncode == 0 and "window 1, lambda 4" in run.stderr, run.stderr
+    damaged = tmp_path / "bad.usdc"
+    damaged.write_bytes(b"PXR-USDC" + b"\xff" * 200)
+    run = subprocess.run([*programs[start], "shot", "show", damaged], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert run.returncode == 1 and "bad.usdc" in run.stderr and "Traceback" not in run.stderr, run.stderr
+    assert not (tmp_path / "trapped").exists(), "a file of the working folder was run"
+
+
+def test_a_program_that_holds_python_has_usd_read_by_its_python(tmp_path: Path) -> None:
+    """As in Blender, whose sys.executable may be Blender, and whose extensions come on sys.path at run time."""
+    (tmp_path / "stage.usda").write_text(STAGE)
+    package = Path(hush.__file__).parents[1]
+    script = f"""
+import sys
+sys.executable = "/opt/blender/blender"
+sys.path.append({str(package)!r})
+import hush
+sys.exit(hush.main(["shot", "show", "--json", "stage.usda"]))
+"""
+    run = subprocess.run([sys.executable, "-I", "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    assert json.loads(run.stdout)["settings"]["window"]["value"] == 1
+    script = script.replace("import hush", "sys.prefix = '/nowhere'\nimport hush")
+    run = subprocess.run([sys.executable, "-I", "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert run.returncode == 1 and "no Python is in /nowhere" in run.stderr and "hush.toml" in run.stderr, run.stderr
+
+
+def test_a_file_that_is_named_has_the_help_of_those_beside_it(small: Path, tmp_path: Path) -> None:
+    done = hush.denoise_sequence(small / "f_0002.exr", tmp_path / "one")
+    assert (done["frames"], done["written"]) == (1, 1)
+    hush.denoise_sequence(small, tmp_path / "all")
+    assert pixels(tmp_path / "one")["f_0002.exr"] == pixels(tmp_path / "all")["f_0002.exr"]
+
+
+def test_a_missing_folder_is_told_in_words(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError) as raised:
+        hush.denoise_sequence(tmp_path / "gone" / "f_####.exr", tmp_path / "out")
+    assert f"there is no folder {tmp_path / 'gone'}" in str(raised.value) and "Errno" not in str(raised.value)
+
+
 def test_main_returns_the_exit_code(small: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
     assert hush.main(["--version"]) == 0

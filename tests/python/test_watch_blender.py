@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import subprocess
-import time
 from pathlib import Path
 
 import pytest
@@ -59,17 +57,15 @@ def test_every_frame_of_a_render_is_denoised_right_after_it(hush: Hush, tmp_path
         last = shot / f"frame_{FRAMES:04d}.exr"
         rendered = last.stat().st_mtime
         names = [f"frame_{n:04d}.exr" for n in range(1, FRAMES + 1)]
-        deadline = time.monotonic() + 60
-        while not all((output / name).is_file() for name in names):
-            assert watch.poll() is None and time.monotonic() < deadline, log.read_text(encoding="utf-8")
-            time.sleep(0.05)
+        # It ends by itself with the last frame.
+        code = watch.wait(timeout=60)
         written = (output / last.name).stat().st_mtime
     finally:
-        watch.send_signal(signal.SIGTERM)
-        code = watch.wait(timeout=60)
+        watch.kill()
+        watch.wait()
     told = [json.loads(line) for line in log.read_text(encoding="utf-8").splitlines()]
     frames = [event for event in told if event["event"] == "frame"]
-    assert code == 130 and sorted(event["frame"] for event in frames) == list(range(1, FRAMES + 1)), told
+    assert code == 0 and sorted(event["frame"] for event in frames) == list(range(1, FRAMES + 1)), told
     assert all(event["status"] == "denoised" for event in frames)
     # The last frame shares its run with those that waited for it.
     tail = sum(event["seconds"] for event in frames if event["frame"] > FRAMES - 3)

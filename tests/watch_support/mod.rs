@@ -164,6 +164,20 @@ impl Watch {
         (code, self.events().last().cloned().unwrap_or_default())
     }
 
+    /// Waits until it ends by itself with every frame done; the last event.
+    pub fn finish(&mut self, frames: usize) -> Value {
+        let began = Instant::now();
+        while self.child.try_wait().unwrap().is_none() {
+            assert!(began.elapsed() < PATIENCE, "it does not end: {:#?}", self.events());
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        let (code, last) = self.end();
+        assert_eq!((code, &last["event"]), (Some(0), &"done".into()), "{:#?}", self.events());
+        assert!(last["written"].as_u64() >= Some(1) || last["skipped"] == frames, "{last}");
+        assert_eq!((&last["frames"], &last["missing"], &last["interrupted"]), (&frames.into(), &"".into(), &false.into()));
+        last
+    }
+
     /// Stops it as a farm would.
     pub fn stop(mut self) -> Value {
         self.signal("-TERM");

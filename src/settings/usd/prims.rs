@@ -178,7 +178,7 @@ fn first_target(stage: &Stage, prim: &Prim, relationship: &str) -> Result<Option
 
 fn several(prims: &[&Prim]) -> String {
     let example = prims.first().map(|p| p.path().to_string()).unwrap_or_default();
-    format!("has several render prims to choose from: {}; name one, such as --usd FILE@{example}", list(prims))
+    format!("has several render prims to choose from: {}; name one, such as FILE@{example}", list(prims))
 }
 
 fn list(prims: &[&Prim]) -> String {

@@ -1,0 +1,95 @@
+//! Reads a stage in a process of its own, so that a file made to harm ends in an error and not in the end of the run.
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+use std::sync::OnceLock;
+
+use serde::{Deserialize, Serialize};
+
+use super::layered::Layered;
+use super::usd::{StageRef, read};
+use crate::error::{Error, Result, plain};
+
+/// The subcommand that reads a stage for the process that started it; it is not for users.
+pub const READ_STAGE: &str = "read-stage";
+/// What the reading process may take.
+#[cfg(unix)]
+const MEMORY: u64 = 8 << 30;
+#[cfg(unix)]
+const SECONDS: u32 = 120;
+const INSTEAD: &str = "hush.toml beside the frames carries all the settings too";
+
+static READER: OnceLock<StageReader> = OnceLock::new();
+
+/// How the reading process is started.
+#[derive(Clone, Debug)]
+pub enum StageReader {
+    /// A program that is known to be Hush with these arguments in front of `read-stage -- STAGE`.
+    Command { program: PathBuf, arguments: Vec<OsString> },
+    /// There is no such program, for this reason.
+    Unavailable(String),
+}
+
+/// Says how the reading process is started, for the whole of this process; the first to say so is heard. The program `hush` and the
+/// Python module do.
+pub fn set_stage_reader(reader: StageReader) {
+    let _ = READER.set(reader);
+}
+
+/// As [`usd::read`](super::usd::read), in a process of its own. Where nobody has said how that is started, in this process.
+///
+/// # Errors
+/// As [`usd::read`](super::usd::read); [`Error::BadFile`] where the process cannot be started, or ends on the stage.
+pub fn read_apart(stage: &StageRef) -> Result<Layered> {
+    let bad = |reason: String| Error::bad_file(&stage.file, format!("{reason}; {INSTEAD}"));
+    let (program, arguments) = match READER.get() {
+        None => return read(stage),
+        Some(StageReader::Unavailable(reason)) => return Err(bad(reason.clone())),
+        Some(StageReader::Command { program, arguments }) => (program, arguments),
+    };
+    let mut command = Command::new(program);
+    command.args(arguments).args([READ_STAGE, "--", &stage.to_string()]).stdin(Stdio::null()).stderr(Stdio::null());
+    let answer =
+        command.output().map_err(|e| bad(format!("the USD reader cannot be started ({}: {})", program.display(), plain(&e))))?;
+    // Other lines may come from what a Python interpreter runs at its start.
+    let last = answer.stdout.trim_ascii_end().rsplit(|byte| *byte == b'\n').next().unwrap_or_default();
+    match serde_json::from_slice(last) {
+        Ok(Answer::Settings(settings)) => Ok(*settings),
+        Ok(Answer::Refused(reason)) => Err(Error::bad_file(&stage.file, reason)),
+        Err(_) => Err(bad(format!("the USD reader broke down on it ({}): the file is damaged or too large", answer.status))),
+    }
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Answer {
+    Settings(Box<Layered>),
+    /// Without the stage's path.
+    Refused(String),
+}
+
+/// What the reading process prints: the stage's settings, or why there are none. Bounds the memory and the time of this process.
+pub fn answer(stage: &StageRef) -> impl Serialize {
+    limit();
+    match read(stage) {
+        Ok(settings) => Answer::Settings(Box::new(settings)),
+        Err(Error::BadFile { reason, .. }) => Answer::Refused(reason),
+        Err(Error::Io { source, .. }) => Answer::Refused(plain(&source)),
+        Err(other) => Answer::Refused(other.to_string()),
+    }
+}
+
+#[cfg(unix)]
+fn limit() {
+    let to = |most: u64| libc::rlimit { rlim_cur: most as libc::rlim_t, rlim_max: most as libc::rlim_t };
+    // SAFETY: plain system calls on this process; the structs outlive them. A refusal leaves things as they are.
+    unsafe {
+        libc::setrlimit(libc::RLIMIT_AS, &to(MEMORY));
+        libc::setrlimit(libc::RLIMIT_CORE, &to(0));
+        libc::alarm(SECONDS);
+    }
+}
+
+#[cfg(not(unix))]
+fn limit() {}
