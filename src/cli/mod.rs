@@ -1,6 +1,7 @@
 //! The command line: turns arguments into calls of the library and results into words and exit codes.
 
 mod denoise;
+mod estimate;
 mod eval;
 mod inspect;
 mod job_args;

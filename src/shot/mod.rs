@@ -18,6 +18,7 @@ mod ledger;
 mod manifest;
 mod output;
 mod prepare;
+mod progress;
 mod run;
 mod scope;
 mod source;
