@@ -230,14 +230,7 @@ mod tests {
         let began = *progress.told.borrow();
         let at = |seconds: f64| began + Duration::from_secs_f64(seconds);
         assert_eq!(progress.line_in_hand(3, 0.2, at(4.0)), None);
-        let start = Event::Start {
-            sequence: "a",
-            output: std::path::Path::new("b"),
-            frames: 2,
-            todo: 2,
-            window: 2,
-            lambda: 1.0,
-        };
+        let start = Event::Start { sequence: "a", output: std::path::Path::new("b"), frames: 2, todo: 2, window: 2, lambda: 1.0 };
         let mut estimate = progress.estimate.borrow_mut();
         estimate.take(&start, began);
         estimate.take(&Event::Working { frame: 3 }, began);

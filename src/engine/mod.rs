@@ -11,6 +11,7 @@ use steps::{Mark, Steps, UNHEARD};
 use unpack::{own_pixels, unpack};
 
 use crate::error::{Error, Result};
+pub use crate::frame::packed::Scales;
 use crate::frame::packed::{Guides, PackedFrame};
 use crate::frame::ranges::Ranges;
 use crate::frame::{Aov, Frame, FrameView};
@@ -134,7 +135,7 @@ impl Engine {
     /// Errors where passes differ in size or the frame is empty.
     pub fn encode(&self, frame: Frame) -> Result<EncodedFrame> {
         self.clock.time(Stage::Encode, || {
-            let packed = self.pack(&frame.view())?;
+            let packed = self.pack(&frame.view(), None)?;
             // Of the frame only the guides are needed from here on: large frames want the memory.
             let Frame { albedo, normal, .. } = frame;
             let guides = Guides { albedo: albedo.as_ref().map(|a| a.view()), normal: normal.as_ref().map(|n| n.view()) };
@@ -146,13 +147,31 @@ impl Engine {
     pub fn encode_view(&self, frame: &FrameView) -> Result<EncodedFrame> {
         self.clock.time(Stage::Encode, || {
             let guides = Guides { albedo: frame.albedo, normal: frame.normal };
-            Ok(self.finish_encoding(self.pack(frame)?, &guides))
+            Ok(self.finish_encoding(self.pack(frame, None)?, &guides))
         })
+    }
+
+    /// As [`encode_view`](Self::encode_view), for a part of a frame with the whole one's [`scales`](Self::scales): what it looks
+    /// like does not depend on how it was cut, but for the pixels near its borders.
+    pub fn encode_part(&self, part: &FrameView, scales: Scales) -> Result<EncodedFrame> {
+        self.clock.time(Stage::Encode, || {
+            let guides = Guides { albedo: part.albedo, normal: part.normal };
+            Ok(self.finish_encoding(self.pack(part, Some(scales))?, &guides))
+        })
+    }
+
+    /// Exposure and depth of a whole frame, for [`encode_part`](Self::encode_part).
+    ///
+    /// # Errors
+    /// Passes differ in size.
+    pub fn scales(&self, frame: &FrameView) -> Result<Scales> {
+        frame.check()?;
+        Ok(self.in_pool(|| Scales::of(frame)))
     }
 
     /// As [`encode`](Self::encode) without the features: enough for [`left_out`](Self::left_out); it cannot be denoised or help.
     pub fn look(&self, frame: &Frame) -> Result<EncodedFrame> {
-        let packed = self.pack(&frame.view())?;
+        let packed = self.pack(&frame.view(), None)?;
         Ok(EncodedFrame { ranges: self.in_pool(|| Ranges::new(&packed)), packed, features: Features::new(0, 0, 0) })
     }
 
@@ -171,12 +190,15 @@ impl Engine {
         self.clock.seconds()
     }
 
-    fn pack(&self, frame: &FrameView) -> Result<PackedFrame> {
+    fn pack(&self, frame: &FrameView, scales: Option<Scales>) -> Result<PackedFrame> {
         let (rows, columns) = frame.size();
         if rows == 0 || columns == 0 {
             return Err(Error::BadInput { input: "frame".into(), reason: format!("{columns}×{rows} has no pixels") });
         }
-        self.in_pool(|| PackedFrame::new(frame, self.epsilon))
+        self.in_pool(|| match scales {
+            Some(scales) => PackedFrame::scaled(frame, self.epsilon, scales),
+            None => PackedFrame::new(frame, self.epsilon),
+        })
     }
 
     fn finish_encoding(&self, packed: PackedFrame, guides: &Guides) -> EncodedFrame {
@@ -357,6 +379,16 @@ impl Engine {
     /// Half-resolution pixels around a part of the frame that its result depends on.
     fn halo(&self) -> usize {
         self.body.halo(self.kernel_reach())
+    }
+
+    /// Pixels around a pixel whose motion, features and colours its result depends on.
+    pub(crate) fn kernel_and_body_reach(&self) -> usize {
+        2 * self.halo()
+    }
+
+    /// Pixels around a pixel that its features depend on.
+    pub(crate) fn encoder_reach(&self) -> usize {
+        2 * self.encoder.halo()
     }
 
     fn kernel_reach(&self) -> usize {

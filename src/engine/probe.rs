@@ -95,6 +95,6 @@ impl Engine {
 
     /// Pixels around a pixel of a frame beyond which nothing of that frame matters, but for its exposure and mean depth.
     pub(crate) fn reach(&self) -> usize {
-        2 * (self.halo() + self.encoder.halo())
+        self.kernel_and_body_reach() + self.encoder_reach()
     }
 }

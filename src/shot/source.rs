@@ -3,7 +3,7 @@
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::io::{Layout, Resolved, Selection, caveats, read_frame, read_layout, resolve_views};
 use crate::plan::checks::Header;
@@ -58,6 +58,13 @@ impl Source {
     /// Decodes the views.
     pub fn read(&self) -> Result<Vec<Frame>> {
         self.views.iter().map(|view| read_frame(&self.layout, view)).collect()
+    }
+
+    /// Decodes one of the views.
+    pub fn read_image(&self, index: usize) -> Result<Frame> {
+        let view =
+            self.views.get(index).ok_or_else(|| Error::bad_file(&self.path, "lacks a view layer of the frames beside it"))?;
+        read_frame(&self.layout, view)
     }
 
     /// About the bytes of the decoded frame.
