@@ -1,12 +1,14 @@
 """Hush takes the noise out of Blender Cycles animations without flicker.
 
-For files: `denoise_sequence`, `plan_sequence`, `inspect`. For images in memory: `denoise` and `Denoiser`. `main` is the command line.
+For files: `denoise_sequence`, `plan_sequence`, `inspect`. For one frame of them, to choose settings: `preview`, `preview_sheet`. For
+images in memory: `denoise` and `Denoiser`. `main` is the command line.
 """
 
 from __future__ import annotations
 
 from ._command import main
 from ._hush import LAMBDA_RANGE, MAX_WINDOW, Denoised, Denoiser, HushError, __version__, denoise
+from ._preview import preview, preview_sheet
 from ._sequence import denoise_sequence, inspect, plan_sequence
 
 __all__ = [
@@ -21,4 +23,6 @@ __all__ = [
     "inspect",
     "main",
     "plan_sequence",
+    "preview",
+    "preview_sheet",
 ]

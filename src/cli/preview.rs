@@ -80,6 +80,8 @@ pub(super) fn show_preview(args: &PreviewArgs, catch_signals: CatchSignals) -> R
         return Err(Error::BadSetting { name: "output", reason: "is one of the frames".into() });
     }
     let one = |value: &f32| Lambda::constant(*value).map(|lambda| lambda.at(args.frame));
+    let clamped = args.lambda.iter().filter_map(|value| Lambda::constant(*value).ok()?.note());
+    let notes: Vec<String> = settings.notes.iter().cloned().chain(clamped).collect();
     let lambdas: Vec<f32> = args.lambda.iter().map(one).collect::<Result<_>>()?;
     let request = Request {
         frame: args.frame,
@@ -103,7 +105,7 @@ pub(super) fn show_preview(args: &PreviewArgs, catch_signals: CatchSignals) -> R
         made => made?,
     };
     if !args.quiet {
-        settings.notes.iter().chain(&made.notes).for_each(|note| say(format_args!("warning: {note}")));
+        notes.iter().chain(&made.notes).for_each(|note| say(format_args!("warning: {note}")));
     }
     write_sheet(&made, &SheetOptions { exposure: args.exposure, before_after: args.before_after }, &args.output)?;
     if !args.quiet {

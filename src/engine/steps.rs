@@ -44,3 +44,34 @@ impl Steps<'_> {
 
 /// Of a frame that nobody listens to.
 pub(super) const UNHEARD: Steps<'static> = Steps { listener: &|_| (), before: 0.0, share: 1.0 };
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Mutex;
+
+    use ndarray::Array3;
+
+    use crate::engine::{Engine, Settings};
+    use crate::frame::Frame;
+
+    #[test]
+    fn what_is_heard_rises_to_one_over_any_tiles_and_changes_no_bit() {
+        let noise = |y: usize, x: usize, c: usize| ((y * 7919 + x * 104_729 + c * 31) % 997) as f32 / 500.0;
+        let frame = Frame::new(Array3::from_shape_fn((400, 640, 3), |(y, x, c)| noise(y, x, c)));
+        let mut counts = Vec::new();
+        let mut images = Vec::new();
+        for memory in [None, Some(1 << 20)] {
+            let engine = Engine::new(Settings { memory, ..Settings::default() }).unwrap();
+            let encoded = engine.encode(frame.clone()).unwrap();
+            let heard = Mutex::new(Vec::new());
+            let (made, _) = engine.denoise_heard(&encoded, &[], 2.0, &|f| heard.lock().unwrap().push(f)).unwrap();
+            let heard = heard.into_inner().unwrap();
+            assert!(heard.windows(2).all(|w| w[1] >= w[0]) && heard[0] > 0.0 && heard[heard.len() - 1] > 0.999, "{heard:?}");
+            counts.push(heard.len());
+            images.push(made.colour);
+            assert_eq!(images[0], engine.denoise(&encoded, &[], 2.0).unwrap().colour);
+        }
+        assert_eq!(images[0], images[1]);
+        assert!(counts[1] >= 2 * counts[0], "{counts:?}");
+    }
+}

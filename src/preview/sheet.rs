@@ -180,7 +180,7 @@ fn legend(page: &mut Pixmap, drawing: &mut Drawing, y: usize) {
     let grey = pixmap(BAR.1, BAR.1, |_, _| NOWHERE);
     let zero = "0";
     let x = GAP + text_width(zero, TEXT) as usize + 6;
-    let text = format!("{:.0} % and more, against frame before along the motion", 100.0 * MOST_CHANGE);
+    let text = format!("{:.0} % and more, against the frame before along the motion", 100.0 * MOST_CHANGE);
     let after = x + BAR.0 + 6;
     let square = after + text_width(&text, TEXT) as usize + 18;
     drawing.add([

@@ -4,6 +4,7 @@ mod arrays;
 mod command;
 mod denoiser;
 mod errors;
+mod preview;
 mod sequence;
 mod settings;
 
@@ -21,6 +22,8 @@ fn _hush(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<denoiser::Denoised>()?;
     m.add_function(wrap_pyfunction!(denoiser::denoise, m)?)?;
     m.add_function(wrap_pyfunction!(command::main, m)?)?;
+    m.add_function(wrap_pyfunction!(preview::preview, m)?)?;
+    m.add_function(wrap_pyfunction!(preview::preview_sheet, m)?)?;
     m.add_function(wrap_pyfunction!(sequence::inspect, m)?)?;
     m.add_function(wrap_pyfunction!(sequence::plan_sequence, m)?)?;
     m.add_function(wrap_pyfunction!(sequence::denoise_sequence, m)?)
