@@ -13,7 +13,9 @@ pub mod io;
 pub mod kernels;
 pub mod metrics;
 pub mod network;
+pub mod picture;
 pub mod plan;
+pub mod preview;
 #[cfg(feature = "python")]
 mod python;
 pub mod report;

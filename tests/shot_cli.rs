@@ -236,3 +236,25 @@ fn a_killed_run_is_continued() {
     let files: Vec<_> = shot.written().into_iter().filter(|f| !f.ends_with(".part")).collect();
     assert_eq!(files, (1..=40).map(name).collect::<Vec<_>>());
 }
+
+#[test]
+fn a_frame_that_takes_long_tells_how_far_it_is() {
+    let shot = Shot::new(1..=2, Look { columns: 480, rows: 360, ..Look::default() });
+    let args = ["denoise", "shot", "-o", "out", "--json", "--frames", "1", "--threads", "1"];
+    let output = command(&shot, &args).env("HUSH_SIMD", "portable").output().unwrap();
+    assert!(output.status.success(), "{}", err(&output));
+    let all = events(&out(&output));
+    let names: Vec<&str> = all.iter().map(|e| e["event"].as_str().unwrap()).filter(|n| *n != "warning").collect();
+    assert_eq!((names[0], names[1], names[names.len() - 2], names[names.len() - 1]), ("start", "working", "frame", "done"));
+    let told = named(&all, "progress");
+    assert!(!told.is_empty() && told.len() == names.len() - 4, "{names:?}");
+    let fractions: Vec<f64> = told.iter().map(|e| e["fraction"].as_f64().unwrap()).collect();
+    assert!(told.iter().all(|e| e["frame"] == 1) && fractions.iter().all(|f| (0.0..=1.0).contains(f)));
+    assert!(fractions.windows(2).all(|w| w[1] > w[0]), "{fractions:?}");
+    let seconds = named(&all, "frame")[0]["seconds"].as_f64().unwrap();
+    assert!(told.len() as f64 <= 5.0 * seconds + 1.0, "{} in {seconds} s", told.len());
+    // And nothing of frames that are done at once.
+    let quick = Shot::new(1..=2, Look::default());
+    let output = hush(&quick, &["denoise", "shot", "-o", "out", "--json"]);
+    assert_eq!(named(&events(&out(&output)), "progress"), Vec::<Value>::new());
+}

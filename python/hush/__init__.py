@@ -1,12 +1,14 @@
 """Hush takes the noise out of Blender Cycles animations without flicker.
 
-For files: `denoise_sequence`, `plan_sequence`, `check_sequence`, `inspect`. For images in memory: `denoise` and `Denoiser`. `main` is the command line.
+For files: `denoise_sequence`, `plan_sequence`, `check_sequence`, `inspect`. For one frame of them, to choose settings: `preview`,
+`preview_sheet`. For images in memory: `denoise` and `Denoiser`. `main` is the command line.
 """
 
 from __future__ import annotations
 
 from ._command import main
 from ._hush import LAMBDA_RANGE, MAX_WINDOW, Denoised, Denoiser, HushError, __version__, denoise
+from ._preview import preview, preview_sheet
 from ._sequence import SequenceCheck, SequenceSettings, check_sequence, denoise_sequence, inspect, plan_sequence
 from ._stage_reader import register as _register_stage_reader
 
@@ -25,6 +27,8 @@ __all__ = [
     "inspect",
     "main",
     "plan_sequence",
+    "preview",
+    "preview_sheet",
 ]
 
 _register_stage_reader()

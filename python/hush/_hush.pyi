@@ -20,6 +20,8 @@ __all__ = [
     "inspect",
     "main",
     "plan_sequence",
+    "preview",
+    "preview_sheet",
     "read_stages_with",
 ]
 
@@ -97,3 +99,7 @@ def denoise_sequence(options: dict[str, Any], progress: Callable[[str], object] 
 class SequenceCheck:
     def __new__(cls) -> SequenceCheck: ...
     def check(self, options: dict[str, Any]) -> str: ...
+def preview(options: dict[str, Any], progress: Callable[[float], object] | None, cancel: Callable[[], object] | None) -> dict[str, Any]: ...
+def preview_sheet(
+    options: dict[str, Any], progress: Callable[[float], object] | None, cancel: Callable[[], object] | None
+) -> dict[str, Any]: ...

@@ -40,7 +40,7 @@ pub(super) struct DenoiseArgs {
     /// Say nothing but errors
     #[arg(short, long, conflicts_with = "json")]
     quiet: bool,
-    /// One JSON event a line on standard output: start, working, frame, warning, error, done
+    /// One JSON event a line on standard output: start, working, progress, frame, warning, error, done
     #[arg(long)]
     json: bool,
     /// Progress, status and failure lines for a farm that runs OpenJD jobs

@@ -16,6 +16,21 @@ use crate::plan::skip::Skip;
 use crate::settings::{Layered, ShotSettings};
 use crate::shot::Job;
 
+/// The sequence that `inputs` name, or the settings where there are none; and its settings, which `settings` finds for a folder.
+pub(super) fn find_shot(inputs: &[PathBuf], settings: &dyn Fn(Option<&Path>) -> Result<Layered>) -> Result<(Sequence, Layered)> {
+    let sequence = if inputs.is_empty() {
+        let input = settings(None)?.values.input.ok_or_else(|| Error::BadInput {
+            input: "INPUT".into(),
+            reason: "is missing: name the frames, or a stage or settings file that names them (--usd, --settings)".into(),
+        })?;
+        Sequence::find(&[input])?
+    } else {
+        Sequence::find(inputs)?
+    };
+    let settings = settings(sequence.frames.first().map(|f| folder_of(&f.path)))?;
+    Ok((sequence, settings))
+}
+
 /// Everything of a job but its inputs.
 #[derive(Args)]
 pub(super) struct JobArgs {
@@ -76,17 +91,7 @@ impl JobArgs {
 
     /// The sequence that `inputs` name, or the settings where there are none; and its settings.
     pub fn shot(&self, inputs: &[PathBuf]) -> Result<(Sequence, Layered)> {
-        let sequence = if inputs.is_empty() {
-            let input = self.settings(None)?.values.input.ok_or_else(|| Error::BadInput {
-                input: "INPUT".into(),
-                reason: "is missing: name the frames, or a stage or settings file that names them (--usd, --settings)".into(),
-            })?;
-            Sequence::find(&[input])?
-        } else {
-            Sequence::find(inputs)?
-        };
-        let settings = self.settings_of(&sequence)?;
-        Ok((sequence, settings))
+        find_shot(inputs, &|folder| self.settings(folder))
     }
 
     /// The job for a sequence, with the settings beside its frames, for an engine that was made by `engine`.

@@ -3,10 +3,12 @@
 mod advice;
 mod check;
 mod denoise;
+mod estimate;
 mod eval;
 mod inspect;
 mod job_args;
 mod plan;
+mod preview;
 mod progress;
 mod read_stage;
 mod report;
@@ -53,6 +55,7 @@ enum Command {
     #[command(name = read_stage::NAME, hide = true)]
     ReadStage(read_stage::ReadStageArgs),
     Plan(Box<plan::PlanArgs>),
+    Preview(Box<preview::PreviewArgs>),
     Report(Box<report::ReportArgs>),
 }
 
@@ -97,6 +100,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>, catch_signals: CatchSignals
         Command::Shot(args) => shot::shot(&args),
         Command::ReadStage(args) => read_stage::read_stage(&args),
         Command::Plan(args) => plan::plan(&args, catch_signals),
+        Command::Preview(args) => preview::show_preview(&args, catch_signals),
         Command::Report(args) => report::report(&args, catch_signals),
     };
     exit.unwrap_or_else(|error| {

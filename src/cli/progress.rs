@@ -1,14 +1,21 @@
 //! Events of a run as a progress bar, as lines, or as JSON.
 
+use std::cell::RefCell;
 use std::io::IsTerminal;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::advice::with_options;
+use super::estimate::Estimate;
 use super::{print, print_json, say};
 use crate::shot::{Event, Status, Summary};
 use crate::words::counted;
+
+/// A line tells about a frame in hand at most this often.
+const LINE_EVERY: Duration = Duration::from_secs(10);
+/// Steps of the bar in a frame.
+const STEPS: f64 = 1000.0;
 
 /// How to tell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,19 +48,24 @@ impl Mode {
 pub(super) struct Progress {
     mode: Mode,
     bar: ProgressBar,
+    estimate: RefCell<Estimate>,
+    /// When a line told how far it is.
+    told: RefCell<Instant>,
 }
 
 impl Progress {
     /// Nothing is shown before the first event.
     pub fn new(mode: Mode) -> Self {
-        Self { mode, bar: ProgressBar::with_draw_target(None, ProgressDrawTarget::hidden()) }
+        let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::hidden());
+        Self { mode, bar, estimate: RefCell::default(), told: RefCell::new(Instant::now()) }
     }
 
     /// Tells about an event.
     pub fn report(&self, event: &Event<'_>) {
+        self.estimate.borrow_mut().take(event, Instant::now());
         match self.mode {
             Mode::Json => print_json(event),
-            Mode::OpenJd => openjd(event).into_iter().for_each(print),
+            Mode::OpenJd => openjd(event, self.estimate.borrow().share()).into_iter().for_each(print),
             Mode::Quiet => {
                 if let Event::Error { frame, message } = event {
                     say(error_text(*frame, message));
@@ -61,33 +73,47 @@ impl Progress {
             }
             Mode::Bar => self.update_bar(event),
             Mode::Lines => {
-                if let Some(line) = line(event) {
-                    say(line);
-                }
+                let in_hand = match event {
+                    Event::Progress { frame, fraction } => self.line_in_hand(*frame, *fraction, Instant::now()),
+                    _ => None,
+                };
+                line(event).or(in_hand).iter().for_each(say);
             }
         }
     }
 
+    /// How far a frame in hand is, and how long the rest will take; for a log only now and then.
+    fn line_in_hand(&self, frame: i64, fraction: f64, now: Instant) -> Option<String> {
+        let mut told = self.told.borrow_mut();
+        if now.saturating_duration_since(*told) < LINE_EVERY {
+            return None;
+        }
+        *told = now;
+        let left = self.estimate.borrow().left(now).map(|left| format!(", {} left in all", HumanDuration(left)));
+        Some(format!("frame {frame}: {:.0} %{}", 100.0 * fraction, left.unwrap_or_default()))
+    }
+
     fn update_bar(&self, event: &Event<'_>) {
+        let show = |message: String| {
+            let estimate = self.estimate.borrow();
+            let left = estimate.left(Instant::now()).map(|left| format!(" · {} left", HumanDuration(left)));
+            let (done, frames) = (estimate.finished, estimate.frames);
+            self.bar.set_position((STEPS * estimate.share() * frames as f64) as u64);
+            self.bar.set_message(format!("{done}/{frames} frames{}{message}", left.unwrap_or_default()));
+        };
         match event {
             Event::Start { frames, .. } => {
-                let template = "{bar:30} {pos}/{len} frames · {rate} · {eta} left{msg}";
-                if let Ok(style) = ProgressStyle::with_template(template) {
-                    let rate = |state: &ProgressState, to: &mut dyn std::fmt::Write| _ = write!(to, "{:.2}/s", state.per_sec());
-                    self.bar.set_style(style.with_key("rate", rate));
+                if let Ok(style) = ProgressStyle::with_template("{bar:30} {msg}") {
+                    self.bar.set_style(style);
                 }
-                self.bar.set_length(*frames as u64);
+                self.bar.set_length((STEPS * *frames as f64) as u64);
                 self.bar.set_draw_target(ProgressDrawTarget::stderr());
                 self.bar.enable_steady_tick(Duration::from_millis(500));
+                show(String::new());
             }
-            Event::Working { frame } => self.bar.set_message(format!(" · frame {frame}")),
-            Event::Frame { status, finished, .. } => {
-                self.bar.set_position(*finished as u64);
-                if *status == Status::Skipped {
-                    // What was skipped says nothing about the speed.
-                    self.bar.reset_eta();
-                }
-            }
+            Event::Working { frame } => show(format!(" · frame {frame}")),
+            Event::Progress { frame, fraction } => show(format!(" · frame {frame}, {:.0} %", 100.0 * fraction)),
+            Event::Frame { .. } => show(String::new()),
             Event::Done(_) => self.bar.finish_and_clear(),
             _ => {}
         }
@@ -103,15 +129,14 @@ pub(super) fn error_text(frame: Option<i64>, message: &str) -> String {
     frame.map_or_else(|| format!("error: {message}"), |f| format!("error: frame {f}: {message}"))
 }
 
-/// An event as OpenJD's progress, status and failure lines; the rest goes to the log.
-fn openjd(event: &Event<'_>) -> Vec<String> {
+/// An event as OpenJD's progress, status and failure lines; the rest goes to the log. `share` of the whole is done.
+fn openjd(event: &Event<'_>, share: f64) -> Vec<String> {
     // A runner reads line by line.
     let flat = |text: String| text.replace(['\n', '\r'], " ");
     let words = line(event).map(flat);
     match event {
-        Event::Frame { finished, frames, .. } => {
-            let progress = format!("openjd_progress: {:.1}", 100.0 * *finished as f64 / (*frames).max(1) as f64);
-            words.into_iter().chain([progress]).collect()
+        Event::Progress { .. } | Event::Frame { .. } => {
+            words.into_iter().chain([format!("openjd_progress: {:.1}", 100.0 * share)]).collect()
         }
         Event::Working { frame } => vec![format!("openjd_status: frame {frame}")],
         Event::Start { .. } | Event::Done(_) => words.map(|w| format!("openjd_status: {w}")).into_iter().collect(),
@@ -182,8 +207,9 @@ mod tests {
     #[test]
     fn a_farm_reads_progress_status_and_failure() {
         let error = Event::Error { frame: Some(12), message: "cut\nshort".into() };
-        assert_eq!(openjd(&error), ["openjd_fail: frame 12: cut short"]);
-        assert_eq!(openjd(&Event::Working { frame: 3 }), ["openjd_status: frame 3"]);
+        assert_eq!(openjd(&error, 0.0), ["openjd_fail: frame 12: cut short"]);
+        assert_eq!(openjd(&Event::Working { frame: 3 }, 0.0), ["openjd_status: frame 3"]);
+        assert_eq!(openjd(&Event::Progress { frame: 3, fraction: 0.5 }, 0.1667), ["openjd_progress: 16.7"]);
         let frame = Event::Frame {
             frame: 3,
             status: Status::Denoised,
@@ -196,11 +222,28 @@ mod tests {
             finished: 1,
             frames: 3,
         };
-        assert_eq!(openjd(&frame), ["frame 3 denoised in 1.0 s (1/3)", "openjd_progress: 33.3"]);
+        assert_eq!(openjd(&frame, 1.0 / 3.0), ["frame 3 denoised in 1.0 s (1/3)", "openjd_progress: 33.3"]);
         assert!(
-            openjd(&Event::Done(&Summary { frames: 1, written: 1, ..Summary::default() }))[0]
+            openjd(&Event::Done(&Summary { frames: 1, written: 1, ..Summary::default() }), 1.0)[0]
                 .starts_with("openjd_status: 1 denoised")
         );
+    }
+
+    #[test]
+    fn a_log_hears_of_a_long_frame_now_and_then() {
+        let progress = Progress::new(Mode::Lines);
+        let began = *progress.told.borrow();
+        let at = |seconds: f64| began + Duration::from_secs_f64(seconds);
+        assert_eq!(progress.line_in_hand(3, 0.2, at(4.0)), None);
+        let start = Event::Start { sequence: "a", output: std::path::Path::new("b"), frames: 2, todo: 2, window: 2, lambda: 1.0 };
+        let mut estimate = progress.estimate.borrow_mut();
+        estimate.take(&start, began);
+        estimate.take(&Event::Working { frame: 3 }, began);
+        estimate.take(&Event::Progress { frame: 3, fraction: 0.5 }, at(12.0));
+        drop(estimate);
+        let line = progress.line_in_hand(3, 0.5, at(12.0));
+        assert_eq!(line.as_deref(), Some("frame 3: 50 %, 36 seconds left in all"));
+        assert_eq!(progress.line_in_hand(3, 0.6, at(15.0)), None);
     }
 
     #[test]

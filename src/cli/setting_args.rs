@@ -12,6 +12,15 @@ use crate::settings::{Guide, Layered, Origin, ShotSettings, Sources, StageRef, g
 /// The settings that every command on shots takes alike.
 #[derive(Args)]
 pub(super) struct SettingArgs {
+    #[command(flatten)]
+    dial: DialArgs,
+    #[command(flatten)]
+    look: LookArgs,
+}
+
+/// The settings that a preview tries several of.
+#[derive(Args)]
+struct DialArgs {
     /// From 1 (cleanest) to 64 (keeps grain and the detail hidden in it); 1:1,24:8 goes from 1 at frame 1 to 8 at frame 24
     /// [default: 1]
     #[arg(short, long, allow_hyphen_values = true)]
@@ -19,6 +28,11 @@ pub(super) struct SettingArgs {
     /// Frames on each side that help, 0 to 3 [default: 2 where there is a Vector pass, else 0]
     #[arg(short, long)]
     window: Option<usize>,
+}
+
+/// The other settings: what is read, and with what.
+#[derive(Args)]
+pub(super) struct LookArgs {
     /// View layer to denoise; may be given several times [default: the one with the most samples]
     #[arg(long = "layer", value_name = "NAME|all")]
     layers: Vec<String>,
@@ -67,6 +81,19 @@ pub(super) struct SettingArgs {
 impl SettingArgs {
     /// What the options say.
     pub fn given(&self) -> Result<ShotSettings> {
+        let DialArgs { lambda, window } = &self.dial;
+        Ok(ShotSettings { lambda: lambda.clone(), window: *window, ..self.look.given()? })
+    }
+
+    /// Takes out of the guides what `--no-…` says, whoever named them.
+    pub fn without_guides(&self, settings: Layered) -> Layered {
+        self.look.without_guides(settings)
+    }
+}
+
+impl LookArgs {
+    /// What the options say.
+    pub fn given(&self) -> Result<ShotSettings> {
         let list = |names: &[String]| {
             let kept = names.iter().filter(|n| !n.eq_ignore_ascii_case("none")).cloned();
             (!names.is_empty()).then(|| kept.collect::<Vec<_>>())
@@ -74,8 +101,6 @@ impl SettingArgs {
         let guides = list(&self.guides).map(|names| names.iter().map(|n| n.parse()).collect()).transpose()?;
         Ok(ShotSettings {
             enable: self.enable,
-            lambda: self.lambda.clone(),
-            window: self.window,
             layers: list(&self.layers),
             view: self.view.clone(),
             vector_layer: self.vector_layer.clone(),

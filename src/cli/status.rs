@@ -60,6 +60,9 @@ impl Status {
             Event::Shot { shot, event: shot::Event::Working { frame } } => {
                 return self.bar.set_message(format!("{shot}: denoising frame {frame}"));
             }
+            Event::Shot { shot, event: shot::Event::Progress { frame, fraction } } => {
+                return self.bar.set_message(format!("{shot}: denoising frame {frame}, {:.0} %", 100.0 * fraction));
+            }
             Event::Shot { event: shot::Event::Frame { .. }, .. } => return,
             Event::Done(_) => self.bar.finish_and_clear(),
             _ => {}

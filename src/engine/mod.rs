@@ -6,9 +6,12 @@ use ndarray::{Array2, Array3, s};
 use paths::{Path, paths};
 use settings::check_levels;
 pub use settings::{LEVELS, Settings};
+pub use steps::Listener;
+use steps::{Mark, Steps, UNHEARD};
 use unpack::{own_pixels, unpack};
 
 use crate::error::{Error, Result};
+pub use crate::frame::packed::Scales;
 use crate::frame::packed::{Guides, PackedFrame};
 use crate::frame::ranges::Ranges;
 use crate::frame::{Aov, Frame, FrameView};
@@ -132,7 +135,7 @@ impl Engine {
     /// Errors where passes differ in size or the frame is empty.
     pub fn encode(&self, frame: Frame) -> Result<EncodedFrame> {
         self.clock.time(Stage::Encode, || {
-            let packed = self.pack(&frame.view())?;
+            let packed = self.pack(&frame.view(), None)?;
             // Of the frame only the guides are needed from here on: large frames want the memory.
             let Frame { albedo, normal, .. } = frame;
             let guides = Guides { albedo: albedo.as_ref().map(|a| a.view()), normal: normal.as_ref().map(|n| n.view()) };
@@ -144,13 +147,31 @@ impl Engine {
     pub fn encode_view(&self, frame: &FrameView) -> Result<EncodedFrame> {
         self.clock.time(Stage::Encode, || {
             let guides = Guides { albedo: frame.albedo, normal: frame.normal };
-            Ok(self.finish_encoding(self.pack(frame)?, &guides))
+            Ok(self.finish_encoding(self.pack(frame, None)?, &guides))
         })
+    }
+
+    /// As [`encode_view`](Self::encode_view), for a part of a frame with the whole one's [`scales`](Self::scales): what it looks
+    /// like does not depend on how it was cut, but for the pixels near its borders.
+    pub fn encode_part(&self, part: &FrameView, scales: Scales) -> Result<EncodedFrame> {
+        self.clock.time(Stage::Encode, || {
+            let guides = Guides { albedo: part.albedo, normal: part.normal };
+            Ok(self.finish_encoding(self.pack(part, Some(scales))?, &guides))
+        })
+    }
+
+    /// Exposure and depth of a whole frame, for [`encode_part`](Self::encode_part).
+    ///
+    /// # Errors
+    /// Passes differ in size.
+    pub fn scales(&self, frame: &FrameView) -> Result<Scales> {
+        frame.check()?;
+        Ok(self.in_pool(|| Scales::of(frame)))
     }
 
     /// As [`encode`](Self::encode) without the features: enough for [`left_out`](Self::left_out); it cannot be denoised or help.
     pub fn look(&self, frame: &Frame) -> Result<EncodedFrame> {
-        let packed = self.pack(&frame.view())?;
+        let packed = self.pack(&frame.view(), None)?;
         Ok(EncodedFrame { ranges: self.in_pool(|| Ranges::new(&packed)), packed, features: Features::new(0, 0, 0) })
     }
 
@@ -169,12 +190,15 @@ impl Engine {
         self.clock.seconds()
     }
 
-    fn pack(&self, frame: &FrameView) -> Result<PackedFrame> {
+    fn pack(&self, frame: &FrameView, scales: Option<Scales>) -> Result<PackedFrame> {
         let (rows, columns) = frame.size();
         if rows == 0 || columns == 0 {
             return Err(Error::BadInput { input: "frame".into(), reason: format!("{columns}×{rows} has no pixels") });
         }
-        self.in_pool(|| PackedFrame::new(frame, self.epsilon))
+        self.in_pool(|| match scales {
+            Some(scales) => PackedFrame::scaled(frame, self.epsilon, scales),
+            None => PackedFrame::new(frame, self.epsilon),
+        })
     }
 
     fn finish_encoding(&self, packed: PackedFrame, guides: &Guides) -> EncodedFrame {
@@ -211,6 +235,18 @@ impl Engine {
         self.denoise_with(centre, neighbours, lambda, (self.settings.skip, self.settings.levels))
     }
 
+    /// As [`denoise_and_tell`](Self::denoise_and_tell); `listener` hears how far it is, 0…1 and rising, between the stages of each
+    /// tile, on a thread that computes.
+    pub fn denoise_heard(
+        &self,
+        centre: &EncodedFrame,
+        neighbours: &[(i32, &EncodedFrame)],
+        lambda: f32,
+        listener: Listener<'_>,
+    ) -> Result<(Denoised, LeftOut)> {
+        self.denoise_checked(centre, neighbours, lambda, (self.settings.skip, self.settings.levels), listener)
+    }
+
     /// As [`denoise_and_tell`](Self::denoise_and_tell), leaving out what `skip` says and using as many pyramid levels as
     /// `levels` says (1 to 4, at most what the weights have) instead of what the settings say.
     pub fn denoise_with(
@@ -218,7 +254,18 @@ impl Engine {
         centre: &EncodedFrame,
         neighbours: &[(i32, &EncodedFrame)],
         lambda: f32,
+        rules: (Skip, usize),
+    ) -> Result<(Denoised, LeftOut)> {
+        self.denoise_checked(centre, neighbours, lambda, rules, UNHEARD.listener)
+    }
+
+    fn denoise_checked(
+        &self,
+        centre: &EncodedFrame,
+        neighbours: &[(i32, &EncodedFrame)],
+        lambda: f32,
         (skip, levels): (Skip, usize),
+        listener: Listener<'_>,
     ) -> Result<(Denoised, LeftOut)> {
         check_levels(levels)?;
         let (least, most) = LAMBDA_RANGE;
@@ -232,7 +279,7 @@ impl Engine {
                 reason: "was only looked at, or encoded for another network: encode it".into(),
             });
         }
-        Ok(self.in_pool(|| self.run(&self.plan(centre, neighbours, skip, levels), lambda)))
+        Ok(self.in_pool(|| self.run(&self.plan(centre, neighbours, skip, levels), lambda, listener)))
     }
 
     /// What `skip` leaves out of `centre`; arguments as for [`denoise`](Self::denoise), and frames that were only
@@ -291,7 +338,7 @@ impl Engine {
         FramePlan { centre, paths, channels, parts, skip, levels, left_out }
     }
 
-    fn run(&self, plan: &FramePlan, lambda: f32) -> (Denoised, LeftOut) {
+    fn run(&self, plan: &FramePlan, lambda: f32, listener: Listener<'_>) -> (Denoised, LeftOut) {
         let FramePlan { centre, paths, channels, .. } = plan;
         let packed = &centre.packed;
         let (half_rows, half_columns) = (packed.padded_rows / 2, packed.padded_columns / 2);
@@ -300,14 +347,17 @@ impl Engine {
         keep_at_most(if tiles.len() == 1 { TILE_MEMORY.1 as usize } else { tile / 4 });
         let covered = tiles.iter().map(|t| t.core.area()).sum::<usize>() == half_rows * half_columns;
         if let ([whole], true) = (&tiles[..], covered) {
-            let stages = self.tile(plan, *whole, lambda);
+            let stages = self.tile(plan, *whole, lambda, Steps { listener, ..UNHEARD });
             return (self.clock.time(Stage::Unpack, || unpack(stages.image, packed, channels)), plan.told(&stages.used));
         }
         let size = (packed.padded_rows, packed.padded_columns, channels.values);
         let mut out = if covered { Array3::zeros(size) } else { own_pixels(packed, channels) };
         let mut used = vec![tiles.is_empty(); paths.len()];
+        let (all, mut done) = (tiles.iter().map(|t| t.region.area()).sum::<usize>() as f64, 0.0);
         for tile in tiles {
-            let stages = self.tile(plan, tile, lambda);
+            let steps = Steps { listener, before: done, share: tile.region.area() as f64 / all };
+            let stages = self.tile(plan, tile, lambda, steps);
+            done += steps.share;
             let c = tile.core;
             out.slice_mut(s![2 * c.row..2 * (c.row + c.rows), 2 * c.column..2 * (c.column + c.columns), ..])
                 .assign(&stages.image);
@@ -331,6 +381,16 @@ impl Engine {
         self.body.halo(self.kernel_reach())
     }
 
+    /// Pixels around a pixel whose motion, features and colours its result depends on.
+    pub(crate) fn kernel_and_body_reach(&self) -> usize {
+        2 * self.halo()
+    }
+
+    /// Pixels around a pixel that its features depend on.
+    pub(crate) fn encoder_reach(&self) -> usize {
+        2 * self.encoder.halo()
+    }
+
     fn kernel_reach(&self) -> usize {
         kernel_reach(self.widths, self.levels)
     }
@@ -342,14 +402,16 @@ impl Engine {
         4 * (self.channels_per_pixel + images + neighbours * (EXTRAS + 4) + gathered + 4 * channels.values)
     }
 
-    fn tile(&self, plan: &FramePlan, tile: Tile, lambda: f32) -> Stages {
+    fn tile(&self, plan: &FramePlan, tile: Tile, lambda: f32, steps: Steps<'_>) -> Stages {
         let (centre, channels, skip, region) = (plan.centre, plan.channels, plan.skip, tile.region);
         let margins = Margins::new(self.widths[0].max(self.widths[1]).max(self.widths[3]), self.widths[2]);
-        let seen = plan.paths.iter().map(|path| {
+        let seen = plan.paths.iter().enumerate().map(|(index, path)| {
             let frames: Vec<&PackedFrame> = path.frames.iter().map(|f| &f.packed).collect();
             let still = skip.still && path.is_still();
             let offset = (path.offset, still);
-            (path, self.clock.time(Stage::Warp, || warp(self.isa, &frames, offset, region, &channels, margins.full)))
+            let warped = self.clock.time(Stage::Warp, || warp(self.isa, &frames, offset, region, &channels, margins.full));
+            steps.reached(Mark::WARPED.part(index + 1, plan.paths.len()));
+            (path, warped)
         });
         let mut used = Vec::with_capacity(plan.paths.len());
         let seen = seen.filter(|(_, (_, warped))| {
@@ -362,6 +424,7 @@ impl Engine {
             let full = Level { centre: own, neighbours: images };
             pyramid_of(self.isa, full, &channels, margins, (plan.levels.min(self.levels), centre.packed.exposure))
         });
+        steps.reached(Mark::PYRAMID);
         let neighbours: Vec<Neighbour> =
             paths.iter().zip(&warped).map(|(path, warped)| Neighbour { features: &path.neighbour().features, warped }).collect();
         let mut mixed = Activation::empty();
@@ -370,7 +433,9 @@ impl Engine {
             let eighth = quarter.halved();
             [quarter, eighth]
         });
+        steps.reached(Mark::TEMPORAL);
         let features = self.clock.time(Stage::Body, || self.body.run(self.isa, mixed, lambda));
+        steps.reached(Mark::BODY);
         let levels = Levels {
             isa: self.isa,
             predictor: &self.predictor,
@@ -384,7 +449,9 @@ impl Engine {
             widths: self.widths,
         };
         let coarse = self.clock.time(Stage::Coarse, || levels.coarse());
+        steps.reached(Mark::COARSE);
         let image = self.clock.time(Stage::Full, || levels.full(coarse.last()));
+        steps.reached(Mark::FULL);
         Stages { features, gathered, pyramid, coarse, image, used }
     }
 
@@ -392,7 +459,7 @@ impl Engine {
     fn stages(&self, centre: &EncodedFrame, neighbours: &[(i32, &EncodedFrame)], lambda: f32) -> Stages {
         let plan = self.plan(centre, neighbours, self.settings.skip, self.settings.levels);
         let whole = Rect { row: 0, column: 0, rows: centre.packed.padded_rows / 2, columns: centre.packed.padded_columns / 2 };
-        self.tile(&plan, Tile { core: whole, region: whole }, lambda)
+        self.tile(&plan, Tile { core: whole, region: whole }, lambda, UNHEARD)
     }
 }
 
@@ -441,4 +508,5 @@ mod golden_tests;
 mod paths;
 pub(crate) mod probe;
 mod settings;
+mod steps;
 mod unpack;

@@ -1,5 +1,6 @@
 //! What the kernels of a frame are made from, for the float64 reference of the kernel stage.
 
+use super::steps::UNHEARD;
 use super::{EncodedFrame, Engine, LEVELS};
 use crate::frame::packed::PackedFrame;
 use crate::kernels::FULL_PHASES;
@@ -57,7 +58,7 @@ impl Engine {
     pub(crate) fn probe(&self, centre: &EncodedFrame, neighbours: &[(i32, &EncodedFrame)], lambda: f32) -> Probe {
         let plan = self.plan(centre, neighbours, self.settings.skip, LEVELS);
         let region = Rect { row: 0, column: 0, rows: centre.packed.padded_rows / 2, columns: centre.packed.padded_columns / 2 };
-        let stages = self.tile(&plan, Tile { core: region, region }, lambda);
+        let stages = self.tile(&plan, Tile { core: region, region }, lambda, UNHEARD);
         let margins = Margins::new(self.widths[0].max(self.widths[1]).max(self.widths[3]), self.widths[2]);
         let used = plan.paths.iter().zip(&stages.used).filter(|(_, used)| **used).map(|(path, _)| path);
         let (offsets, seen): (Vec<i32>, Vec<(&Features, Warped)>) = used
@@ -94,6 +95,6 @@ impl Engine {
 
     /// Pixels around a pixel of a frame beyond which nothing of that frame matters, but for its exposure and mean depth.
     pub(crate) fn reach(&self) -> usize {
-        2 * (self.halo() + self.encoder.halo())
+        self.kernel_and_body_reach() + self.encoder_reach()
     }
 }

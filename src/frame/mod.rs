@@ -5,7 +5,9 @@ pub mod packed;
 pub mod pixels;
 pub mod ranges;
 
-use ndarray::{Array2, Array3, ArrayView2, ArrayView3};
+use std::ops::Range;
+
+use ndarray::{Array2, Array3, ArrayView2, ArrayView3, s};
 
 use crate::error::{Error, Result};
 
@@ -80,10 +82,25 @@ pub struct FrameView<'a> {
     pub aovs: Vec<(&'a str, ArrayView3<'a, f32>)>,
 }
 
-impl FrameView<'_> {
+impl<'a> FrameView<'a> {
     /// Rows and columns.
     pub fn size(&self) -> (usize, usize) {
         (self.colour.dim().0, self.colour.dim().1)
+    }
+
+    /// These rows and columns of every pass; panics where there are no such.
+    pub fn part(&self, rows: Range<usize>, columns: Range<usize>) -> Self {
+        let plane = |p: &ArrayView2<'a, f32>| p.slice_move(s![rows.clone(), columns.clone()]);
+        let image = |p: &ArrayView3<'a, f32>| p.slice_move(s![rows.clone(), columns.clone(), ..]);
+        FrameView {
+            colour: image(&self.colour),
+            alpha: self.alpha.as_ref().map(plane),
+            albedo: self.albedo.as_ref().map(image),
+            normal: self.normal.as_ref().map(image),
+            depth: self.depth.as_ref().map(plane),
+            vector: self.vector.as_ref().map(image),
+            aovs: self.aovs.iter().map(|(name, pass)| (*name, image(pass))).collect(),
+        }
     }
 
     /// Checks that every pass has the beauty's size and the right number of channels.

@@ -66,13 +66,35 @@ pub fn bounded(v: f32, low: f32) -> f32 {
     if v.is_nan() { 0.0 } else { v.clamp(low, 1.0) }
 }
 
+/// What the values of a frame are brought to the network's range by; they depend on all of its pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scales {
+    /// Brings the log-average luminance to 0.18.
+    pub exposure: f32,
+    /// One over the mean depth; 0 without depth.
+    pub depth: f32,
+}
+
+impl Scales {
+    /// Those of a whole frame.
+    pub fn of(frame: &FrameView) -> Self {
+        let depth = frame.depth.as_ref().map_or(0.0, |d| depth_scale(*d, frame.colour));
+        Self { exposure: exposure(frame.colour), depth }
+    }
+}
+
 impl PackedFrame {
     /// Packs a frame for a network that adds `epsilon` to the albedo. Errors when passes differ in size.
     pub fn new(frame: &FrameView, epsilon: f32) -> Result<Self> {
         frame.check()?;
+        Self::scaled(frame, epsilon, Scales::of(frame))
+    }
+
+    /// As [`new`](Self::new), with the scales of the frame that this one is a part of.
+    pub fn scaled(frame: &FrameView, epsilon: f32, scales: Scales) -> Result<Self> {
+        frame.check()?;
         let (rows, columns) = frame.size();
         let (padded_rows, padded_columns) = (rows.next_multiple_of(ALIGNMENT), columns.next_multiple_of(ALIGNMENT));
-        let depth_scale = frame.depth.as_ref().map_or(0.0, |d| depth_scale(*d, frame.colour));
         let has_alpha = frame.alpha.is_some();
         let extra = usize::from(has_alpha) + 3 * frame.aovs.len();
         let mut groups: Vec<Pixels<8>> =
@@ -92,7 +114,7 @@ impl PackedFrame {
                     lanes[MODULATION + c] = modulation;
                     lanes[COLOUR + c] = if finite { radiance(colour[[y, x, c]]) / modulation } else { 0.0 };
                 }
-                lanes[DEPTH] = frame.depth.as_ref().map_or(0.0, |d| front(d[[y, x]]) * depth_scale);
+                lanes[DEPTH] = frame.depth.as_ref().map_or(0.0, |d| front(d[[y, x]]) * scales.depth);
                 lanes[INVALID] = if inside && finite { 0.0 } else { 1.0 };
             }
         });
@@ -110,7 +132,7 @@ impl PackedFrame {
             });
         }
         let vectors = frame.vector.as_ref().map(|v| pack_vectors(*v, padded_rows, padded_columns));
-        let exposure = exposure(frame.colour);
+        let exposure = scales.exposure;
         let aov_names = frame.aovs.iter().map(|(name, _)| name.to_string()).collect();
         Ok(Self { rows, columns, padded_rows, padded_columns, exposure, groups, extra, has_alpha, aov_names, vectors })
     }

@@ -4,6 +4,7 @@ use ndarray::ArrayView3;
 
 use super::Pair;
 use super::pair::mean_by_rows;
+use super::sample::sample;
 use crate::error::{Error, Result};
 
 /// As in [`super::smape::EPSILON`].
@@ -47,30 +48,12 @@ pub fn flicker(previous: &Pair, current: &Pair, vectors: Option<ArrayView3<f32>>
     Ok(mean_by_rows(rows, row_sum))
 }
 
-/// d − r, unscaled, at a position in pixels; None outside the frame's area or where a pixel that is needed is not finite.
+/// d − r, unscaled, at a position in pixels.
 fn sampled_error(pair: &Pair, x: f64, y: f64) -> Option<[f64; 3]> {
-    let (rows, columns) = pair.size();
-    let (wide, high) = (columns as f64, rows as f64);
-    // Written so that NaN is outside.
-    if !(x >= -0.5 && x <= wide - 0.5 && y >= -0.5 && y <= high - 0.5) {
-        return None;
-    }
-    let (x, y) = (x.clamp(0.0, wide - 1.0), y.clamp(0.0, high - 1.0));
-    let (left, top) = (x.floor(), y.floor());
-    let (fx, fy) = (x - left, y - top);
-    let mut sum = [0.0; 3];
-    for (dy, wy) in [(0, 1.0 - fy), (1, fy)] {
-        for (dx, wx) in [(0, 1.0 - fx), (1, fx)] {
-            // A weight of zero also marks the column or row beyond the last one.
-            if wx * wy > 0.0 {
-                let (r, d) = pair.raw(top as usize + dy, left as usize + dx)?;
-                for i in 0..3 {
-                    sum[i] += wx * wy * (d[i] - r[i]);
-                }
-            }
-        }
-    }
-    Some(sum)
+    sample(pair.size(), x, y, |row, column| {
+        let (r, d) = pair.raw(row, column)?;
+        Some([d[0] - r[0], d[1] - r[1], d[2] - r[2]])
+    })
 }
 
 #[cfg(test)]

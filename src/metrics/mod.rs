@@ -14,6 +14,7 @@ mod pairing;
 pub mod psnr;
 pub mod relmse;
 pub mod report;
+pub(crate) mod sample;
 pub mod smape;
 pub mod ssim;
 pub mod tonemap;

@@ -4,7 +4,7 @@
 /// the sRGB transfer function (IEC 61966-2-1). Negative radiance is black.
 pub fn display(linear: f64) -> f64 {
     let x = linear.max(0.0);
-    encode(x / (1.0 + x))
+    srgb(x / (1.0 + x))
 }
 
 /// Luma of a display colour with the Rec. 709 weights.
@@ -12,8 +12,8 @@ pub fn luma(colour: [f64; 3]) -> f64 {
     0.2126 * colour[0] + 0.7152 * colour[1] + 0.0722 * colour[2]
 }
 
-/// The sRGB transfer function.
-fn encode(x: f64) -> f64 {
+/// The sRGB transfer function (IEC 61966-2-1) of 0…1.
+pub fn srgb(x: f64) -> f64 {
     if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
 }
 
@@ -28,7 +28,7 @@ mod tests {
         // x = 1 becomes 0.5, which sRGB encodes as 0.735357.
         assert!((display(1.0) - 0.735_357).abs() < 1e-6);
         // Middle grey.
-        assert!((encode(0.214_041_14) - 0.5).abs() < 1e-7);
+        assert!((srgb(0.214_041_14) - 0.5).abs() < 1e-7);
         assert!((luma([1.0; 3]) - 1.0).abs() < 1e-12);
     }
 

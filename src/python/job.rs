@@ -163,7 +163,7 @@ fn skip(rules: Option<Vec<String>>) -> PyResult<Skip> {
 }
 
 /// A keyword's value; one of another type is a TypeError that names it.
-fn get<'py, T: FromPyObjectOwned<'py>>(options: &Bound<'py, PyDict>, name: &str) -> PyResult<T> {
+pub(super) fn get<'py, T: FromPyObjectOwned<'py>>(options: &Bound<'py, PyDict>, name: &str) -> PyResult<T> {
     let value = options.get_item(name)?.unwrap_or_else(|| options.py().None().into_bound(options.py()));
     value.extract().map_err(|e: T::Error| {
         let error: PyErr = e.into();

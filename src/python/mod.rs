@@ -5,6 +5,7 @@ mod command;
 mod denoiser;
 mod errors;
 mod job;
+mod preview;
 mod sequence;
 mod settings;
 mod stage_reader;
@@ -24,6 +25,8 @@ fn _hush(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<sequence::SequenceCheck>()?;
     m.add_function(wrap_pyfunction!(denoiser::denoise, m)?)?;
     m.add_function(wrap_pyfunction!(command::main, m)?)?;
+    m.add_function(wrap_pyfunction!(preview::preview, m)?)?;
+    m.add_function(wrap_pyfunction!(preview::preview_sheet, m)?)?;
     m.add_function(wrap_pyfunction!(stage_reader::read_stages_with, m)?)?;
     m.add_function(wrap_pyfunction!(sequence::inspect, m)?)?;
     m.add_function(wrap_pyfunction!(sequence::plan_sequence, m)?)?;

@@ -1,7 +1,7 @@
 //! Panels with axes: scales, ticks, and labels that keep off each other.
 
-use super::drawing::{Anchor, Ink, Shape};
-use super::raster::text_width;
+use crate::picture::drawing::{Anchor, Ink, Shape};
+use crate::picture::raster::text_width;
 
 /// The size of labels and ticks.
 pub const SMALL: f64 = 12.0;

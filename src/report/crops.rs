@@ -1,28 +1,18 @@
 //! Tiles to look at: where the default setting is worst, and where it is as it mostly is.
 
 use ndarray::{Array3, ArrayView3, s};
-use tiny_skia::{IntSize, Pixmap};
 
 use super::candidates::{Candidate, Method};
 use crate::metrics::pair::REFERENCE_MEAN;
 use crate::metrics::smape;
 use crate::metrics::tonemap::display;
+use crate::picture::false_colour::false_colour;
+use crate::picture::pixels::{pixmap, png};
 
 /// The sides of a tile.
 const TILE: usize = 64;
 /// The error that has the brightest false colour.
 pub const BRIGHTEST: f64 = 0.25;
-/// False colours from no error to [`BRIGHTEST`], matplotlib's `inferno` at eight places.
-const COLOURS: [[f64; 3]; 8] = [
-    [0.0, 0.0, 4.0],
-    [40.0, 11.0, 84.0],
-    [101.0, 21.0, 110.0],
-    [159.0, 42.0, 99.0],
-    [212.0, 72.0, 66.0],
-    [245.0, 125.0, 21.0],
-    [250.0, 193.0, 39.0],
-    [252.0, 255.0, 164.0],
-];
 
 /// One tile by every candidate.
 #[derive(Clone)]
@@ -136,31 +126,13 @@ fn mean_error(a: ArrayView3<f32>, b: ArrayView3<f32>, gain: f64) -> f64 {
 }
 
 fn shown(tile: ArrayView3<f32>, gain: f64) -> Vec<u8> {
-    png(tile.dim(), |y, x| [0, 1, 2].map(|c| 255.0 * display(f64::from(tile[[y, x, c]]) * gain)))
+    let (rows, columns, _) = tile.dim();
+    png(pixmap(rows, columns, |y, x| [0, 1, 2].map(|c| 255.0 * display(f64::from(tile[[y, x, c]]) * gain))))
 }
 
 fn false_colours(a: ArrayView3<f32>, b: ArrayView3<f32>, gain: f64) -> Vec<u8> {
-    png(a.dim(), |y, x| false_colour(error_at(a, b, gain, y, x) / BRIGHTEST))
-}
-
-/// The colour of 0…1, 0…255 each.
-pub fn false_colour(share: f64) -> [f64; 3] {
-    let at = share.clamp(0.0, 1.0) * (COLOURS.len() - 1) as f64;
-    let below = (at as usize).min(COLOURS.len() - 2);
-    std::array::from_fn(|c| COLOURS[below][c] + (at - below as f64) * (COLOURS[below + 1][c] - COLOURS[below][c]))
-}
-
-/// A PNG of (rows, columns); empty where there are no pixels.
-fn png((rows, columns, _): (usize, usize, usize), colour: impl Fn(usize, usize) -> [f64; 3]) -> Vec<u8> {
-    let mut data = Vec::with_capacity(4 * rows * columns);
-    for y in 0..rows {
-        for x in 0..columns {
-            data.extend(colour(y, x).map(|v| v.round().clamp(0.0, 255.0) as u8));
-            data.push(255);
-        }
-    }
-    let size = IntSize::from_wh(columns as u32, rows as u32);
-    size.and_then(|size| Pixmap::from_vec(data, size)).and_then(|p| p.encode_png().ok()).unwrap_or_default()
+    let (rows, columns, _) = a.dim();
+    png(pixmap(rows, columns, |y, x| false_colour(error_at(a, b, gain, y, x) / BRIGHTEST)))
 }
 
 #[cfg(test)]
@@ -193,13 +165,5 @@ mod tests {
         assert_eq!(worst.pictures[1].error.as_ref().unwrap().0, 0.0);
         assert!(worst.pictures[0].error.is_none());
         assert!(worst.pictures.iter().all(|p| p.image.starts_with(b"\x89PNG")));
-    }
-
-    #[test]
-    fn false_colours_run_from_dark_to_bright() {
-        let sums: Vec<f64> = (0..=10).map(|i| false_colour(f64::from(i) / 10.0).iter().sum()).collect();
-        assert!(sums.windows(2).all(|w| w[1] > w[0]));
-        assert_eq!(false_colour(9.0), [252.0, 255.0, 164.0]);
-        assert_eq!(false_colour(f64::NAN.max(0.0)), [0.0, 0.0, 4.0]);
     }
 }

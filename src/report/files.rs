@@ -5,15 +5,15 @@ use std::fs;
 use std::io::Write as _;
 use std::path::Path;
 
-use super::drawing::Drawing;
 use super::measure::Measured;
 use super::page::{MARK, page};
 use super::plots::{by_frame, by_stage, error_against_time};
-use super::raster::png;
 use super::record::Report;
 use crate::engine::STAGES;
 use crate::error::{Error, Result};
 use crate::io::write_atomically;
+use crate::picture::drawing::Drawing;
+use crate::picture::raster::png;
 
 /// The page's name in the output folder.
 pub const PAGE: &str = "index.html";

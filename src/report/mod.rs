@@ -5,7 +5,6 @@
 mod axes;
 mod candidates;
 mod crops;
-mod drawing;
 pub mod estimate;
 mod files;
 mod judge;
@@ -15,7 +14,6 @@ mod oidn;
 mod page;
 mod pfm;
 mod plots;
-mod raster;
 mod record;
 mod soundness;
 mod statistics;

@@ -4,13 +4,14 @@ use std::fmt::Write;
 
 use super::axes::number;
 use super::candidates::Kind;
-use super::crops::{BRIGHTEST, CropSet, false_colour};
-use super::drawing::{Ink, escape, styles};
+use super::crops::{BRIGHTEST, CropSet};
 use super::measure::Measured;
 use super::plots::{by_frame, by_stage, error_against_time, ink};
 use super::record::{Basis, ERRORS, Report, Row};
 use super::soundness::soundness;
 use super::statistics::Spread;
+use crate::picture::drawing::{Ink, escape, styles};
+use crate::picture::false_colour::false_colour;
 
 /// Marks a page of ours, which may be written over.
 pub const MARK: &str = "<meta name=\"generator\" content=\"hush report\">";

@@ -2,11 +2,11 @@
 
 use super::axes::{Label, Panel, SMALL, number, place, range, stack};
 use super::candidates::{Candidate, Kind, Method};
-use super::drawing::{Anchor, Drawing, Group, Ink, Shape};
-use super::raster::text_width;
 use super::record::{Basis, ERRORS, Report, Row};
 use crate::engine::LEVELS;
 use crate::engine::STAGES;
+use crate::picture::drawing::{Anchor, Drawing, Group, Ink, Shape};
+use crate::picture::raster::text_width;
 
 /// Everything is drawn this wide.
 const WIDTH: f64 = 900.0;

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::drawing::escape;
+use crate::picture::drawing::escape;
 use crate::stability::{CHECKS, Row, summary};
 
 /// The section's body.

@@ -21,7 +21,7 @@ pub enum Status {
     Failed,
 }
 
-/// One step of a run. As JSON each is an object with an `event` field: `start`, `working`, `frame`, `warning`, `error`, `done`.
+/// One step of a run. As JSON each is an object with an `event` field: `start`, `working`, `progress`, `frame`, `warning`, `error`, `done`.
 /// Fields may be added, never renamed.
 #[derive(Debug, Serialize)]
 #[serde(tag = "event", rename_all = "snake_case")]
@@ -42,10 +42,17 @@ pub enum Event<'a> {
         /// The dial of the first frame, after clamping.
         lambda: f32,
     },
-    /// A frame is being denoised.
+    /// A frame is begun: what is not there yet of its window is read, then it is denoised.
     Working {
         /// Frame number.
         frame: i64,
+    },
+    /// How far the frame in hand is: nothing in its first second, then about five a second at most.
+    Progress {
+        /// Frame number.
+        frame: i64,
+        /// 0…1 of reading its window, encoding and denoising; rises.
+        fraction: f64,
     },
     /// A frame is finished, one way or another.
     Frame {

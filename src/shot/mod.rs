@@ -21,6 +21,7 @@ mod ledger;
 mod manifest;
 mod output;
 mod prepare;
+mod progress;
 mod run;
 mod scope;
 mod source;

@@ -15,8 +15,9 @@ use super::ledger::Ledger;
 use super::manifest::Manifest;
 use super::output::prepare_folder;
 use super::prepare::{Action, Plan, PlannedFrame, is_degraded, missing_text};
+use super::progress::FrameProgress;
 use super::threads::{Decoded, Work, Written, decode, ends_the_run, write};
-use crate::engine::{Denoised, EncodedFrame, Engine};
+use crate::engine::{Denoised, EncodedFrame, Engine, Listener};
 use crate::error::{Error, Result};
 use crate::plan::skip::LeftOut;
 use crate::plan::window::{Known, Neighbour, neighbours};
@@ -171,13 +172,20 @@ impl<'a> Run<'a> {
         let radius = plan.settings.window as i64;
         let mut left = left.into_iter().peekable();
         for (index, target) in plan.frames.iter().enumerate().filter(|(_, f)| matches!(f.action, Action::Denoise(_))) {
+            if self.must_end(cancel, written) {
+                return;
+            }
             self.kept.ring.retain(|n, _| *n >= target.frame - radius);
+            (self.report)(Event::Working { frame: target.frame });
+            let reads = left.clone().take_while(|n| *n <= target.frame + radius).count();
+            let mut progress = FrameProgress::new(self.report, target.frame, reads);
             while left.next_if(|n| *n <= target.frame + radius).is_some() {
                 if self.must_end(cancel, written) {
                     return;
                 }
                 let Ok(next) = decoded.recv() else { return };
                 self.take_in(next, engine);
+                progress.read_one();
             }
             if self.must_end(cancel, written) {
                 return;
@@ -187,7 +195,6 @@ impl<'a> Run<'a> {
                 self.finish(index, Status::Failed, Some(reason), 0.0);
                 continue;
             };
-            (self.report)(Event::Working { frame: target.frame });
             let began = Instant::now();
             let window = neighbours(target.frame, plan.settings.window, |n| match self.bad.contains_key(&n) {
                 true => Known::Bad,
@@ -196,7 +203,7 @@ impl<'a> Run<'a> {
             let used = window.iter().filter(|n| n.unused.is_none());
             let around: Vec<(i32, &Slot)> =
                 used.filter_map(|n| self.kept.ring.get(&n.number).map(|slot| (n.offset, slot))).collect();
-            let result = denoise_views(engine, centre, &around, target.lambda);
+            let result = progress.follow(|listener| denoise_views(engine, centre, &around, target.lambda, listener));
             let seconds = centre.seconds + began.elapsed().as_secs_f64();
             self.note_window(target, &window);
             match result {
@@ -348,11 +355,18 @@ impl<'a> Run<'a> {
 }
 
 /// Denoises each view with the same views of the frames around it.
-fn denoise_views(engine: &Engine, centre: &Slot, around: &[(i32, &Slot)], lambda: f32) -> Result<Vec<(Denoised, LeftOut)>> {
+fn denoise_views(
+    engine: &Engine,
+    centre: &Slot,
+    around: &[(i32, &Slot)],
+    lambda: f32,
+    listener: Listener<'_>,
+) -> Result<Vec<(Denoised, LeftOut)>> {
+    let views = centre.encoded.len() as f64;
     let view = |(index, centre): (usize, &EncodedFrame)| {
         let neighbours: Vec<(i32, &EncodedFrame)> =
             around.iter().filter_map(|(offset, slot)| Some((*offset, slot.encoded.get(index)?))).collect();
-        engine.denoise_and_tell(centre, &neighbours, lambda)
+        engine.denoise_heard(centre, &neighbours, lambda, &|fraction| listener((index as f64 + fraction) / views))
     };
     centre.encoded.iter().enumerate().map(view).collect()
 }

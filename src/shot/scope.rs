@@ -101,6 +101,24 @@ impl Scope {
         self.good.get(&number).ok_or_else(missing)?.read()
     }
 
+    /// Decodes one of a frame's images, by its place among those that [`about`](Self::about) tells.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read), and where there is no such image.
+    pub fn read_image(&self, number: i64, index: usize) -> Result<Frame> {
+        let missing = || Error::BadInput { input: self.name.clone(), reason: format!("has no readable frame {number}") };
+        self.good.get(&number).ok_or_else(missing)?.read_image(index)
+    }
+
+    /// What is odd about the files whose headers were read, and what to change in Blender.
+    pub fn warnings(&self) -> Vec<checks::Warning> {
+        let headers: Vec<checks::Header> = self.good.values().map(|s| s.header.clone()).collect();
+        let first = [checks::resolution(&headers), checks::noisy_image(&headers), checks::maybe_denoised(&headers)];
+        let mut all: Vec<_> = first.into_iter().chain([checks::no_vector(&headers)]).flatten().collect();
+        all.extend(checks::missing_guides(&headers).into_iter().chain(checks::notes(&headers)));
+        all
+    }
+
     /// What a frame's file holds, and what is read of it.
     pub fn about(&self, number: i64) -> Option<(&Layout, &[Resolved])> {
         self.good.get(&number).map(|s| (&*s.layout, &s.views[..]))

@@ -81,6 +81,13 @@ impl Source {
         self.views.iter().map(read).collect()
     }
 
+    /// Decodes one of the views.
+    pub fn read_image(&self, index: usize) -> Result<Frame> {
+        let view =
+            self.views.get(index).ok_or_else(|| Error::bad_file(&self.path, "lacks a view layer of the frames beside it"))?;
+        read_frame(&self.layout, view)
+    }
+
     /// About the bytes of the decoded frame.
     pub fn bytes(&self) -> usize {
         let channels = |v: &Resolved| 14 + 3 * v.aovs.len();

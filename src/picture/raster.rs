@@ -10,15 +10,20 @@ const FONT: &[u8] = include_bytes!("../../assets/DejaVuSans-subset.ttf");
 
 /// A PNG of `scale` pixels a unit. None where the size is none that a picture can have.
 pub fn png(drawing: &Drawing, scale: f32) -> Option<Vec<u8>> {
-    let face = Face::parse(FONT, 0).ok()?;
     let side = |v: f64| (v as f32 * scale).round() as u32;
     let mut pixmap = Pixmap::new(side(drawing.width), side(drawing.height))?;
     pixmap.fill(Color::WHITE);
+    draw_over(&mut pixmap, drawing, scale);
+    pixmap.encode_png().ok()
+}
+
+/// Draws over a picture, `scale` pixels a unit.
+pub fn draw_over(pixmap: &mut Pixmap, drawing: &Drawing, scale: f32) {
+    let Ok(face) = Face::parse(FONT, 0) else { return };
     let transform = Transform::from_scale(scale, scale);
     for shape in drawing.groups.iter().flat_map(|g| &g.shapes) {
-        draw(&mut pixmap, &face, shape, transform);
+        draw(pixmap, &face, shape, transform);
     }
-    pixmap.encode_png().ok()
 }
 
 fn draw(pixmap: &mut Pixmap, face: &Face, shape: &Shape, transform: Transform) {

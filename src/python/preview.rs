@@ -1,0 +1,211 @@
+//! One frame by several settings, as arrays or as a sheet.
+
+use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
+
+use ndarray::{Array2, Array3, s};
+use numpy::PyArray2;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use super::arrays::to_numpy;
+use super::job::get;
+use super::settings::{check_lam, check_window, engine};
+use crate::error::{Error, Result};
+use crate::io::sequence::Sequence;
+use crate::preview::{Flicker, LayerPreview, Preview, Region, Request, SheetOptions, Variant, preview as make, write_sheet};
+use crate::settings::{Guide, ShotSettings, Sources, gather};
+use crate::shot::CancelToken;
+use crate::simd::release_memory;
+
+/// The first layer of a preview by its first setting; `options` are the keywords of `hush.preview`.
+#[pyfunction]
+pub fn preview(
+    py: Python<'_>,
+    options: &Bound<'_, PyDict>,
+    progress: Option<Py<PyAny>>,
+    cancel: Option<Py<PyAny>>,
+) -> PyResult<Py<PyDict>> {
+    let mut made = made(py, options, Calls::new(progress, cancel))?;
+    let told = PyDict::new(py);
+    about(&made, &told)?;
+    if made.layers.is_empty() {
+        return Ok(told.unbind());
+    }
+    let LayerPreview { name, noisy, alpha, flicker, variants } = made.layers.swap_remove(0);
+    told.set_item("layer", name)?;
+    told.set_item("noisy", to_numpy(py, with_alpha(noisy, alpha)))?;
+    told.set_item("noisy_flicker", flicker.map(|f| map_of(py, f.change)))?;
+    if let Some(variant) = variants.into_iter().next() {
+        about_variant(&variant, &told)?;
+        told.set_item("denoised", to_numpy(py, with_alpha(variant.colour, variant.alpha)))?;
+        let (previous, change) = match variant.flicker {
+            Some(Flicker { previous, change, .. }) => (Some(to_numpy(py, previous)), Some(map_of(py, change))),
+            None => (None, None),
+        };
+        told.set_item("previous", previous)?;
+        told.set_item("flicker", change)?;
+    }
+    Ok(told.unbind())
+}
+
+/// Writes a sheet; `options` are the keywords of `hush.preview_sheet`.
+#[pyfunction]
+pub fn preview_sheet(
+    py: Python<'_>,
+    options: &Bound<'_, PyDict>,
+    progress: Option<Py<PyAny>>,
+    cancel: Option<Py<PyAny>>,
+) -> PyResult<Py<PyDict>> {
+    let output: PathBuf = get(options, "output")?;
+    let before_after: Option<f64> = get(options, "before_after")?;
+    if before_after.is_some_and(|at| !(0.0..=1.0).contains(&at)) {
+        let reason = "is not in 0 (all denoised) to 1 (all noisy)".into();
+        return Err(Error::BadSetting { name: "before_after", reason }.into());
+    }
+    let shown = SheetOptions { exposure: get(options, "exposure")?, before_after };
+    let made = made(py, options, Calls::new(progress, cancel))?;
+    py.detach(|| write_sheet(&made, &shown, &output))?;
+    let told = PyDict::new(py);
+    about(&made, &told)?;
+    let mut tiles = Vec::new();
+    for layer in &made.layers {
+        for variant in &layer.variants {
+            let tile = PyDict::new(py);
+            tile.set_item("layer", &layer.name)?;
+            tile.set_item("noisy_change", layer.flicker.as_ref().and_then(|f| f.mean))?;
+            about_variant(variant, &tile)?;
+            tiles.push(tile);
+        }
+    }
+    told.set_item("tiles", tiles)?;
+    Ok(told.unbind())
+}
+
+/// What Python wants to hear and say in between.
+struct Calls {
+    progress: Option<Py<PyAny>>,
+    cancel: Option<Py<PyAny>>,
+    token: CancelToken,
+    /// The first exception that Python raised.
+    failed: Mutex<Option<PyErr>>,
+}
+
+impl Calls {
+    fn new(progress: Option<Py<PyAny>>, cancel: Option<Py<PyAny>>) -> Self {
+        Self { progress, cancel, token: CancelToken::new(), failed: Mutex::new(None) }
+    }
+
+    /// Asks and tells; whatever Python raises stops the work.
+    fn step(&self, fraction: f64) {
+        let call = |py: Python<'_>| -> PyResult<()> {
+            self.progress.as_ref().map(|progress| progress.call1(py, (fraction,))).transpose()?;
+            if let Some(cancel) = &self.cancel
+                && cancel.bind(py).call0()?.is_truthy()?
+            {
+                self.token.cancel();
+            }
+            py.check_signals()
+        };
+        if let Err(error) = Python::attach(call) {
+            self.token.cancel();
+            self.failed.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+        }
+    }
+}
+
+fn made(py: Python<'_>, options: &Bound<'_, PyDict>, calls: Calls) -> PyResult<Preview> {
+    let inputs: Vec<PathBuf> = get(options, "inputs")?;
+    let lams: Vec<f64> = get(options, "lams")?;
+    let lambdas: Vec<f32> = lams.into_iter().map(check_lam).collect::<PyResult<_>>()?;
+    let windows: Vec<i64> = get(options, "windows")?;
+    let windows: Vec<usize> = windows.into_iter().map(check_window).collect::<PyResult<_>>()?;
+    let region: Option<(usize, usize, usize, usize)> = get(options, "region")?;
+    let region = region.map(|(x, y, width, height)| format!("{x},{y},{width},{height}").parse::<Region>()).transpose()?;
+    let (frame, flicker): (i64, bool) = (get(options, "frame")?, get(options, "flicker")?);
+    let off = |name: &str, guide: Guide| -> PyResult<Option<Guide>> { Ok((!get::<bool>(options, name)?).then_some(guide)) };
+    let off: Vec<Guide> = [
+        off("albedo", Guide::Albedo)?,
+        off("normal", Guide::Normal)?,
+        off("depth", Guide::Depth)?,
+        off("vector", Guide::Vector)?,
+    ]
+    .into_iter()
+    .flatten()
+    .collect();
+    let layers: Vec<String> = get(options, "layers")?;
+    let given = ShotSettings {
+        layers: (!layers.is_empty()).then_some(layers),
+        view: get(options, "view")?,
+        vector_layer: get(options, "vector_layer")?,
+        model: get(options, "model")?,
+        renderer: get(options, "renderer")?,
+        ..ShotSettings::default()
+    };
+    let (file, look_beside): (Option<PathBuf>, bool) = (get(options, "settings")?, get(options, "look_beside")?);
+    let found = py.detach(move || -> Result<_> {
+        let sequence = Sequence::find(&inputs)?;
+        let folder = sequence.frames.first().and_then(|f| f.path.parent()).map(std::path::Path::to_owned);
+        let sources = Sources { file, look_beside, ..Sources::default() };
+        let mut settings = gather(folder.as_deref(), &sources, given)?;
+        if !off.is_empty() {
+            let all = [Guide::Albedo, Guide::Normal, Guide::Depth, Guide::Vector];
+            settings.values.guides.get_or_insert(all.to_vec()).retain(|guide| !off.contains(guide));
+        }
+        // The job is never run: it says what a run would read.
+        let job = settings.job(sequence, Some(PathBuf::new()))?;
+        Ok((settings.values, job))
+    });
+    let (values, job) = found?;
+    let memory: Option<i64> = get(options, "memory")?;
+    let memory = memory.or(values.memory.map(|m| m as i64));
+    let engine = engine(py, values.model, values.renderer.as_deref(), memory, get(options, "threads")?)?;
+    let request = Request {
+        frame,
+        lambdas: if lambdas.is_empty() { vec![job.lambda.at(frame)] } else { lambdas },
+        windows: if windows.is_empty() { job.window.into_iter().collect() } else { windows },
+        region,
+        flicker,
+    };
+    let (made, calls) = py.detach(move || {
+        calls.step(0.0);
+        let made = make((&job.sequence, &job.selection), &request, &engine, &|fraction| calls.step(fraction), &calls.token);
+        release_memory();
+        (made, calls)
+    });
+    match calls.failed.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        Some(error) => Err(error),
+        None => Ok(made?),
+    }
+}
+
+fn about(made: &Preview, told: &Bound<'_, PyDict>) -> PyResult<()> {
+    let Region { x, y, width, height } = made.region;
+    told.set_item("frame", made.frame)?;
+    told.set_item("region", (x, y, width, height))?;
+    told.set_item("columns", made.columns)?;
+    told.set_item("rows", made.rows)?;
+    told.set_item("notes", &made.notes)
+}
+
+fn about_variant(variant: &Variant, told: &Bound<'_, PyDict>) -> PyResult<()> {
+    told.set_item("lam", variant.lambda)?;
+    told.set_item("window", variant.window)?;
+    told.set_item("neighbours", &variant.neighbours)?;
+    told.set_item("seconds", variant.seconds)?;
+    told.set_item("change", variant.flicker.as_ref().and_then(|f| f.mean))
+}
+
+fn map_of(py: Python<'_>, map: Array2<f32>) -> Py<PyArray2<f32>> {
+    PyArray2::from_owned_array(py, map).unbind()
+}
+
+/// (rows, columns, 3), or 4 with alpha.
+fn with_alpha(colour: Array3<f32>, alpha: Option<Array2<f32>>) -> Array3<f32> {
+    let Some(alpha) = alpha else { return colour };
+    let (rows, columns, _) = colour.dim();
+    let mut image = Array3::zeros((rows, columns, 4));
+    image.slice_mut(s![.., .., ..3]).assign(&colour);
+    image.slice_mut(s![.., .., 3]).assign(&alpha);
+    image
+}

@@ -1,0 +1,137 @@
+//! How far the frame in hand is: told now and then, and not at all of frames that are done in a second.
+
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use super::events::Event;
+
+/// A frame that is done by then tells nothing.
+const QUIET: Duration = Duration::from_secs(1);
+/// From one event to the next.
+const EVERY: Duration = Duration::from_millis(200);
+/// Reading and encoding a frame, in what denoising one takes (1080p, window ±2).
+const READING: f64 = 0.15;
+
+/// The progress of one frame.
+pub(super) struct FrameProgress<'a> {
+    report: &'a dyn Fn(Event<'_>),
+    frame: i64,
+    due: Instant,
+    /// Frames of the window that are still to be read, of so many.
+    to_read: usize,
+    reads: usize,
+    told: f64,
+    /// Reached and not told yet.
+    reached: f64,
+}
+
+impl<'a> FrameProgress<'a> {
+    /// Of a frame that `reads` frames are to be read for.
+    pub fn new(report: &'a dyn Fn(Event<'_>), frame: i64, reads: usize) -> Self {
+        Self { report, frame, due: Instant::now() + QUIET, to_read: reads, reads, told: 0.0, reached: 0.0 }
+    }
+
+    /// One more frame of the window was read and encoded.
+    pub fn read_one(&mut self) {
+        self.to_read = self.to_read.saturating_sub(1);
+        self.reach(0.0);
+    }
+
+    /// Does the work on a thread of its own, and tells on this one what it says about how far it is, 0…1.
+    pub fn follow<T: Send>(&mut self, work: impl FnOnce(&(dyn Fn(f64) + Sync)) -> T + Send) -> T {
+        let (told, heard) = channel();
+        thread::scope(|scope| {
+            let worker = scope.spawn(move || work(&move |fraction| _ = told.send(fraction)));
+            loop {
+                let wait = if self.reached > self.told { self.due.saturating_duration_since(Instant::now()) } else { QUIET };
+                match heard.recv_timeout(wait) {
+                    Ok(fraction) => self.reach(fraction),
+                    Err(RecvTimeoutError::Timeout) => self.tell(),
+                    Err(RecvTimeoutError::Disconnected) => break,
+                }
+            }
+            worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        })
+    }
+
+    /// `fraction` is of denoising alone.
+    fn reach(&mut self, fraction: f64) {
+        let reads = READING * self.reads as f64;
+        let read = READING * (self.reads - self.to_read) as f64;
+        self.reached = self.reached.max((read + fraction) / (reads + 1.0));
+        self.tell();
+    }
+
+    /// Tells what is new, where it is time.
+    fn tell(&mut self) {
+        let now = Instant::now();
+        // Thousandths: more would be noise.
+        let fraction = (1000.0 * self.reached).round() / 1000.0;
+        if fraction > self.told && now >= self.due {
+            (self.due, self.told) = (now + EVERY, fraction);
+            (self.report)(Event::Progress { frame: self.frame, fraction });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::RefCell;
+
+    use super::*;
+
+    fn heard(reads: usize, work: impl FnOnce(&(dyn Fn(f64) + Sync)) + Send) -> Vec<(Instant, f64)> {
+        let all = RefCell::new(Vec::new());
+        let report = |event: Event<'_>| match event {
+            Event::Progress { frame: 7, fraction } => all.borrow_mut().push((Instant::now(), fraction)),
+            other => panic!("{other:?}"),
+        };
+        let mut progress = FrameProgress::new(&report, 7, reads);
+        (0..reads).for_each(|_| progress.read_one());
+        progress.follow(work);
+        drop(progress);
+        all.into_inner()
+    }
+
+    #[test]
+    fn a_fast_frame_tells_nothing() {
+        let work = |told: &(dyn Fn(f64) + Sync)| (0..=100).for_each(|i| told(f64::from(i) / 100.0));
+        assert_eq!(heard(3, work), []);
+    }
+
+    #[test]
+    fn a_slow_frame_tells_after_a_second_at_most_five_times_a_second_and_rising() {
+        let began = Instant::now();
+        let events = heard(0, |told| {
+            for i in 0..=190 {
+                told(f64::from(i) / 190.0);
+                thread::sleep(Duration::from_millis(10));
+            }
+        });
+        let (took, last) = (began.elapsed(), events.last().unwrap().1);
+        assert!(events.len() >= 2 && events.len() as f64 <= took.as_secs_f64() * 5.0, "{} in {took:?}", events.len());
+        assert!(events[0].0 - began >= QUIET && events[0].1 > 0.0 && last <= 1.0);
+        assert!(events.windows(2).all(|w| w[1].0 - w[0].0 >= EVERY && w[1].1 > w[0].1), "{events:?}");
+    }
+
+    #[test]
+    fn what_was_reached_early_is_told_when_it_is_time() {
+        let events = heard(0, |told| {
+            told(0.25);
+            thread::sleep(Duration::from_millis(1300));
+        });
+        assert_eq!(events.iter().map(|e| e.1).collect::<Vec<_>>(), [0.25]);
+    }
+
+    #[test]
+    fn reading_counts() {
+        let events = heard(4, |told| {
+            thread::sleep(Duration::from_millis(1100));
+            told(0.5);
+            thread::sleep(Duration::from_millis(300));
+        });
+        let fractions: Vec<f64> = events.iter().map(|e| e.1).collect();
+        assert_eq!(fractions, [0.375, 0.688]);
+    }
+}

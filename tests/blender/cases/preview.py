@@ -1,0 +1,244 @@
+"""Denoise This Frame: the image is right, in every view and region, and nothing of it stays in the file."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+
+import bpy
+import kit
+import numpy as np
+
+preview = importlib.import_module(f"{kit.MODULE}.preview")
+preview_image = importlib.import_module(f"{kit.MODULE}.preview_image")
+NAME = "Hush Preview"
+TIME_LIMIT = 400.0
+
+
+def fingerprint() -> dict[str, list]:
+    """All that is in the file: names, users and fake users, custom properties, and which images the Image Editors show."""
+    found = {}
+    for prop in bpy.data.bl_rna.properties:
+        if prop.type == "COLLECTION":
+            blocks = getattr(bpy.data, prop.identifier)
+            found[prop.identifier] = sorted((b.name_full, b.users, b.use_fake_user, tuple(sorted(b.keys()))) for b in blocks)
+    found["editors"] = [space.image.name_full if space.image else "" for space in preview_image.editors()]
+    return found
+
+
+def shot_scene(name: str, kind: str = "plain", frame: int = 3) -> tuple[bpy.types.Scene, Path]:
+    """A scene at a frame, and the folder with its rendered frames."""
+    frames = kit.copy_of_shot(name, kind)
+    scene = kit.build_scene(kind, frames)
+    scene.frame_set(frame)
+    preview._view.update(view=0, wipe=0.5)
+    return scene, frames
+
+
+def image_editor() -> bpy.types.SpaceImageEditor:
+    """An Image Editor in the open window."""
+    area = bpy.data.screens[0].areas[0]
+    area.type = "IMAGE_EDITOR"
+    return area.spaces.active
+
+
+def pixels() -> np.ndarray:
+    """Of the preview's image, (height, width, 4), rows from the top."""
+    image = bpy.data.images[NAME]
+    flat = np.empty(image.size[0] * image.size[1] * 4, np.float32)
+    image.pixels.foreach_get(flat)
+    return flat.reshape(image.size[1], image.size[0], 4)[::-1]
+
+
+def folders() -> set[Path]:
+    """The previews' temporary folders."""
+    import tempfile
+
+    return set(Path(tempfile.gettempdir()).glob("hush-preview-*"))
+
+
+def refused(words: str) -> None:
+    try:
+        bpy.ops.hush.preview_frame()
+    except RuntimeError as error:
+        assert words in str(error), error
+    else:
+        raise AssertionError(f"was not refused, should say {words!r}")
+
+
+def expected(frames: Path, frame: int = 3, **settings: object) -> dict:
+    import hush
+
+    return hush.preview(frames, frame, **settings)
+
+
+def test_the_frame_is_shown_and_leaves_no_trace() -> None:
+    scene, frames = shot_scene("trace")
+    editor = image_editor()
+    editor.image = bpy.data.images.new("Mine", 8, 8)
+    before, files, dirty = fingerprint(), kit.files(frames), folders()
+    assert bpy.ops.hush.preview_frame() == {"FINISHED"}
+    image = bpy.data.images[NAME]
+    assert tuple(image.size) == (96, 54) and not image.use_fake_user and image.packed_file is None and not image.is_dirty
+    want = expected(frames)
+    assert want["neighbours"] == [1, 2, 4, 5]
+    made = pixels()
+    kit.assert_close(made[:, :48, :3], kit.layer(frames / "frame_0003.exr", "Combined")[:, :48], 1e-6, "left: as rendered")
+    kit.assert_close(made[:, 48:, :3], want["denoised"][:, 48:, :3], 1e-6, "right: denoised")
+    kit.assert_differs(made[:, 48:, :3], want["noisy"][:, 48:, :3], 0.01, "denoised")
+    assert editor.image == image
+    assert kit.files(frames) == files, "something was written beside the frames"
+    assert bpy.ops.hush.end_preview() == {"FINISHED"}
+    assert fingerprint() == before
+    assert folders() == dirty, "temporary files are left"
+    assert bpy.ops.hush.end_preview() == {"CANCELLED"}
+    assert scene.hush.output_folder == ""
+
+
+def test_views_and_wipe() -> None:
+    _, frames = shot_scene("views")
+    assert bpy.ops.hush.preview_frame(flicker=True) == {"FINISHED"}
+    manager = bpy.context.window_manager
+    assert manager.hush_preview_view == "FLICKER"
+    want = expected(frames, flicker=True)
+    assert want["change"] < 0.9 * np.nanmean(want["noisy_flicker"])
+    maps = [want["noisy_flicker"], want["flicker"]]
+    level = np.concatenate([maps[0][:, :48], maps[1][:, 48:]], axis=1)
+    seen = np.isfinite(level)
+    made = pixels()
+    kit.assert_close(made[..., 0][seen], np.clip(level[seen] / 0.25, 0, 1) ** 2.2, 1e-5, "change")
+    assert (made[~seen] == np.float32([0.0, 0.02, 0.15, 1.0])).all()
+    for view, image in (("NOISY", want["noisy"]), ("DENOISED", want["denoised"])):
+        manager.hush_preview_view = view
+        kit.assert_close(pixels()[..., :3], image[..., :3], 1e-6, view)
+    manager.hush_preview_view = "WIPE"
+    manager.hush_preview_wipe = 0.25
+    both = np.concatenate([want["noisy"][:, :24, :3], want["denoised"][:, 24:, :3]], axis=1)
+    kit.assert_close(pixels()[..., :3], both, 1e-6, "wipe")
+    assert not bpy.data.images[NAME].is_dirty
+    bpy.ops.hush.end_preview()
+
+
+def test_the_scene_decides() -> None:
+    scene, frames = shot_scene("settings", frame=2)
+    scene.hush.lam, scene.hush.window = 16.0, "0"
+    assert bpy.ops.hush.preview_frame() == {"FINISHED"}
+    told = preview_image.current().told
+    assert (told["frame"], told["lam"], told["window"], told["neighbours"]) == (2, 16.0, 0, [])
+    kit.assert_close(pixels()[:, 48:, :3], expected(frames, 2, lam=16, window=0)["denoised"][:, 48:, :3], 1e-6)
+    for frame, value in ((1, 2.0), (5, 10.0)):
+        scene.hush.lam = value
+        scene.keyframe_insert("hush.lam", frame=frame)
+    scene.frame_set(5)
+    assert bpy.ops.hush.preview_frame() == {"FINISHED"}
+    assert preview_image.current().told["lam"] == 10.0
+    assert [image.name for image in bpy.data.images if "Hush" in image.name] == [NAME], "the second takes the place of the first"
+    bpy.ops.hush.end_preview()
+
+
+def test_the_render_region_alone_is_denoised() -> None:
+    scene, frames = shot_scene("border")
+    render = scene.render
+    render.use_border = True
+    render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = 0.25, 0.75, 0.0, 0.5
+    assert bpy.ops.hush.preview_frame() == {"FINISHED"}
+    assert tuple(bpy.data.images[NAME].size) == (48, 27)
+    preview._view["view"] = 1
+    preview._refresh()
+    whole = expected(frames)["denoised"][27:, 24:72, :3]
+    assert np.max(np.abs(pixels()[..., :3] - whole) / (whole + 0.01)) < 1e-3
+    bpy.ops.hush.end_preview()
+
+
+def test_it_is_not_saved() -> None:
+    scene, _ = shot_scene("saved")
+    editor = image_editor()
+    mine = editor.image = bpy.data.images.new("Mine", 8, 8)
+    assert bpy.ops.hush.preview_frame() == {"FINISHED"}
+    path = kit.folder("blend") / "shot.blend"
+    for copy in (True, False):
+        bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=copy)
+        with bpy.data.libraries.load(str(path)) as (there, _):
+            assert list(there.images) == ["Mine"], there.images
+        assert editor.image == bpy.data.images[NAME], "after saving it is still seen"
+    bpy.ops.hush.end_preview()
+    assert editor.image == mine
+    said = kit.blender(
+        "import sys; bpy.ops.wm.open_mainfile(filepath=sys.argv[1]); "
+        "print('IMAGES', [i.name for i in bpy.data.images], list(bpy.context.window_manager.keys()))",
+        path,
+    )
+    assert "IMAGES ['Mine'] []" in said, said
+    assert scene.hush.lam == 1.0
+
+
+def test_another_file_ends_it() -> None:
+    before = folders()
+    shot_scene("other")
+    assert bpy.ops.hush.preview_frame() == {"FINISHED"}
+    assert folders() - before
+    bpy.ops.wm.read_homefile(use_empty=True)
+    assert preview_image.current() is None and NAME not in bpy.data.images
+    assert folders() == before
+
+
+def test_what_is_odd_is_said() -> None:
+    shot_scene("bare", "bare")
+    assert bpy.ops.hush.preview_frame() == {"FINISHED"}
+    told = preview_image.current().told
+    said = " ".join(preview.notes(told))
+    assert "Vector" in said and "--" not in said, said
+    assert told["neighbours"] == [] and "by itself" in preview.in_words(told)
+    bpy.ops.hush.end_preview()
+    # With motion blur the layer's own vectors are zero; the scene says where others are.
+    scene, _ = shot_scene("blur", "blur")
+    scene.hush.vector_layer = "Vectors"
+    assert bpy.ops.hush.preview_frame() == {"FINISHED"}
+    assert preview_image.current().told["neighbours"] == [1, 2, 4, 5]
+    bpy.ops.hush.end_preview()
+
+
+def test_what_cannot_be_is_refused() -> None:
+    scene, frames = shot_scene("refused", frame=4)
+    before, temporary = fingerprint(), folders()
+    (frames / "frame_0004.exr").write_bytes((frames / "frame_0004.exr").read_bytes()[:2000])
+    refused("frame_0004.exr")
+    (frames / "frame_0004.exr").unlink()
+    refused("Frame 4 is not rendered")
+    assert fingerprint() == before and folders() == temporary
+    assert preview._running is None
+    scene.frame_set(3)
+    assert bpy.ops.hush.preview_frame() == {"FINISHED"}
+    assert preview_image.current().told["neighbours"] == [1, 2]
+    # One that fails leaves the one that is shown.
+    scene.frame_set(4)
+    refused("Frame 4 is not rendered")
+    assert NAME in bpy.data.images
+    bpy.ops.hush.end_preview()
+
+
+def test_a_missing_image_is_no_trouble() -> None:
+    _, _ = shot_scene("removed")
+    editor = image_editor()
+    assert bpy.ops.hush.preview_frame() == {"FINISHED"}
+    bpy.data.images.remove(bpy.data.images[NAME])
+    bpy.context.window_manager.hush_preview_wipe = 0.75
+    assert bpy.ops.hush.preview_frame() == {"FINISHED"}
+    assert editor.image is None or editor.image.name == NAME
+    bpy.data.images[NAME].name = "Renamed"
+    bpy.ops.hush.end_preview()
+    assert "Renamed" not in bpy.data.images and preview_image.current() is None
+
+
+def test_switching_the_extension_off_ends_it() -> None:
+    global preview, preview_image
+    shot_scene("off")
+    editor = image_editor()
+    before = folders()
+    assert bpy.ops.hush.preview_frame() == {"FINISHED"}
+    kit.disable()
+    assert NAME not in bpy.data.images and editor.image is None
+    assert folders() == before
+    kit.enable()
+    preview = importlib.import_module(f"{kit.MODULE}.preview")
+    preview_image = importlib.import_module(f"{kit.MODULE}.preview_image")
