@@ -9,7 +9,7 @@ from __future__ import annotations
 from ._command import main
 from ._hush import LAMBDA_RANGE, MAX_WINDOW, Denoised, Denoiser, HushError, __version__, denoise
 from ._preview import preview, preview_sheet
-from ._sequence import SequenceCheck, SequenceSettings, check_sequence, denoise_sequence, inspect, plan_sequence
+from ._sequence import SequenceCheck, SequenceSettings, ShotSettings, check_sequence, denoise_sequence, inspect, plan_sequence
 from ._stage_reader import register as _register_stage_reader
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "HushError",
     "SequenceCheck",
     "SequenceSettings",
+    "ShotSettings",
     "__version__",
     "check_sequence",
     "denoise",

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from typing import Any, Literal
+from typing import Any, Unpack
 
 from . import _hush
+from ._sequence import ShotSettings, shot_options
 
 Path = str | os.PathLike[str]
 
@@ -19,24 +20,13 @@ def preview(
     window: int | None = None,
     region: tuple[int, int, int, int] | None = None,
     flicker: bool = False,
-    layers: Sequence[str] = (),
-    view: str | None = None,
-    vector_layer: str | None = None,
-    albedo: bool = True,
-    normal: bool = True,
-    depth: bool = True,
-    vector: bool = True,
-    memory: int | None = None,
-    threads: int | None = None,
-    model: Path | None = None,
-    renderer: str | None = None,
-    settings: Path | Literal[False] | None = None,
     progress: Callable[[float], object] | None = None,
     cancel: Callable[[], object] | None = None,
+    **settings: Unpack[ShotSettings],
 ) -> dict[str, Any]:
     """Denoises one frame of a shot, or a part of one, in memory. Only the frames that help it are read.
 
-    What is not given is what the `hush.toml` or `hush.json` beside the frames says, else the default. The result is that of
+    What is not given is what the shot's own settings say, else the default. The result is that of
     `denoise_sequence`; of a region it is the same to 1e-3 of each value. The GIL is released while it works.
 
     Args:
@@ -46,20 +36,9 @@ def preview(
         window: Frames on each side that help, 0 to 3.
         region: (x, y, width, height) in pixels from the upper left corner; None for the whole frame. The rest is not computed.
         flicker: Also compare with the frame before, which is then denoised too.
-        layers: View layer to show; of several the first.
-        view: Stereo view to show.
-        vector_layer: View layer to take the Vector pass from.
-        albedo: Use Denoising Albedo.
-        normal: Use Denoising Normal.
-        depth: Use Denoising Depth or Depth.
-        vector: Use motion vectors; without them neighbours cannot help.
-        memory: Bytes for the frames in the window and the computing; None for 3.1 GiB.
-        threads: Threads, 1 to 4096; None for all cores.
-        model: Other weights, a safetensors file.
-        renderer: What made the frames: "cycles" or "mitsuba".
-        settings: A settings file in place of the one beside the frames; False for none.
         progress: Called in this thread with how far it is, 0…1.
         cancel: Called in this thread between the steps; the work stops once it returns true.
+        **settings: See `ShotSettings`; of several view layers the first is shown.
 
     Returns:
         `noisy` and `denoised`, float32 of (height, width, 3), or 4 with alpha, linear; with `flicker` also `previous`, the denoised
@@ -75,9 +54,9 @@ def preview(
         OSError: A file that cannot be read.
         HushError: A file that is no usable EXR, a window without a Vector pass, unusable weights; "stopped" after `cancel`.
     """
-    given = dict(locals())
-    given.update(lams=[] if lam is None else [lam], windows=[] if window is None else [window])
-    return _hush.preview(_options(given), progress, cancel)
+    options = shot_options(inputs, "", settings, ShotSettings)
+    options.update(frame=frame, lams=_several(lam), windows=_several(window), region=region, flicker=flicker)
+    return _hush.preview(options, progress, cancel)
 
 
 def preview_sheet(
@@ -91,20 +70,9 @@ def preview_sheet(
     before_after: float | None = None,
     flicker: bool = False,
     exposure: float = 0.0,
-    layers: Sequence[str] = (),
-    view: str | None = None,
-    vector_layer: str | None = None,
-    albedo: bool = True,
-    normal: bool = True,
-    depth: bool = True,
-    vector: bool = True,
-    memory: int | None = None,
-    threads: int | None = None,
-    model: Path | None = None,
-    renderer: str | None = None,
-    settings: Path | Literal[False] | None = None,
     progress: Callable[[float], object] | None = None,
     cancel: Callable[[], object] | None = None,
+    **settings: Unpack[ShotSettings],
 ) -> dict[str, Any]:
     """Writes a sheet of tiles as PNG: the frame as rendered and by each λ with each window, as `hush preview` does.
 
@@ -124,25 +92,13 @@ def preview_sheet(
     Raises:
         The same as `preview`.
     """
-    given = dict(locals())
-    given.update(lams=_several(lam), windows=_several(window), output=os.fspath(output))
-    return _hush.preview_sheet(_options(given), progress, cancel)
+    options = shot_options(inputs, "", settings, ShotSettings)
+    options.update(frame=frame, lams=_several(lam), windows=_several(window), region=region, flicker=flicker)
+    options.update(sheet=os.fspath(output), before_after=before_after, exposure=exposure)
+    return _hush.preview_sheet(options, progress, cancel)
 
 
 def _several(value: Any) -> list[Any]:  # noqa: ANN401 (a number or several)
     if value is None:
         return []
     return list(value) if isinstance(value, Sequence) else [value]
-
-
-def _options(given: dict[str, Any]) -> dict[str, Any]:
-    """The arguments in the types that the Rust half takes."""
-    options = dict(given)
-    if isinstance(options["inputs"], (str, os.PathLike)):
-        options["inputs"] = [options["inputs"]]
-    if isinstance(options["layers"], str):
-        name = options["layers"]
-        raise TypeError(f"layers: expected a sequence of names, got the string {name!r}: write ({name!r},)")
-    options["look_beside"] = options["settings"] is not False
-    options["settings"] = options["settings"] or None
-    return options

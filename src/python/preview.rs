@@ -9,12 +9,10 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::arrays::to_numpy;
-use super::job::get;
-use super::settings::{check_lam, check_window, engine};
-use crate::error::{Error, Result};
-use crate::io::sequence::Sequence;
+use super::job::{Asked, get};
+use super::settings::{check_lam, check_window};
+use crate::error::Error;
 use crate::preview::{Flicker, LayerPreview, Preview, Region, Request, SheetOptions, Variant, preview as make, write_sheet};
-use crate::settings::{Guide, ShotSettings, Sources, gather};
 use crate::shot::CancelToken;
 use crate::simd::release_memory;
 
@@ -57,7 +55,7 @@ pub fn preview_sheet(
     progress: Option<Py<PyAny>>,
     cancel: Option<Py<PyAny>>,
 ) -> PyResult<Py<PyDict>> {
-    let output: PathBuf = get(options, "output")?;
+    let output: PathBuf = get(options, "sheet")?;
     let before_after: Option<f64> = get(options, "before_after")?;
     if before_after.is_some_and(|at| !(0.0..=1.0).contains(&at)) {
         let reason = "is not in 0 (all denoised) to 1 (all noisy)".into();
@@ -115,7 +113,7 @@ impl Calls {
 }
 
 fn made(py: Python<'_>, options: &Bound<'_, PyDict>, calls: Calls) -> PyResult<Preview> {
-    let inputs: Vec<PathBuf> = get(options, "inputs")?;
+    let asked = Asked::new(options)?;
     let lams: Vec<f64> = get(options, "lams")?;
     let lambdas: Vec<f32> = lams.into_iter().map(check_lam).collect::<PyResult<_>>()?;
     let windows: Vec<i64> = get(options, "windows")?;
@@ -123,43 +121,8 @@ fn made(py: Python<'_>, options: &Bound<'_, PyDict>, calls: Calls) -> PyResult<P
     let region: Option<(usize, usize, usize, usize)> = get(options, "region")?;
     let region = region.map(|(x, y, width, height)| format!("{x},{y},{width},{height}").parse::<Region>()).transpose()?;
     let (frame, flicker): (i64, bool) = (get(options, "frame")?, get(options, "flicker")?);
-    let off = |name: &str, guide: Guide| -> PyResult<Option<Guide>> { Ok((!get::<bool>(options, name)?).then_some(guide)) };
-    let off: Vec<Guide> = [
-        off("albedo", Guide::Albedo)?,
-        off("normal", Guide::Normal)?,
-        off("depth", Guide::Depth)?,
-        off("vector", Guide::Vector)?,
-    ]
-    .into_iter()
-    .flatten()
-    .collect();
-    let layers: Vec<String> = get(options, "layers")?;
-    let given = ShotSettings {
-        layers: (!layers.is_empty()).then_some(layers),
-        view: get(options, "view")?,
-        vector_layer: get(options, "vector_layer")?,
-        model: get(options, "model")?,
-        renderer: get(options, "renderer")?,
-        ..ShotSettings::default()
-    };
-    let (file, look_beside): (Option<PathBuf>, bool) = (get(options, "settings")?, get(options, "look_beside")?);
-    let found = py.detach(move || -> Result<_> {
-        let sequence = Sequence::find(&inputs)?;
-        let folder = sequence.frames.first().and_then(|f| f.path.parent()).map(std::path::Path::to_owned);
-        let sources = Sources { file, look_beside, ..Sources::default() };
-        let mut settings = gather(folder.as_deref(), &sources, given)?;
-        if !off.is_empty() {
-            let all = [Guide::Albedo, Guide::Normal, Guide::Depth, Guide::Vector];
-            settings.values.guides.get_or_insert(all.to_vec()).retain(|guide| !off.contains(guide));
-        }
-        // The job is never run: it says what a run would read.
-        let job = settings.job(sequence, Some(PathBuf::new()))?;
-        Ok((settings.values, job))
-    });
-    let (values, job) = found?;
-    let memory: Option<i64> = get(options, "memory")?;
-    let memory = memory.or(values.memory.map(|m| m as i64));
-    let engine = engine(py, values.model, values.renderer.as_deref(), memory, get(options, "threads")?)?;
+    let engine = py.detach(|| asked.engine())?;
+    let job = asked.job;
     let request = Request {
         frame,
         lambdas: if lambdas.is_empty() { vec![job.lambda.at(frame)] } else { lambdas },
