@@ -56,7 +56,7 @@ def main() -> int:
 def _fitted(hush: Any, job: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:  # noqa: ANN401 (the module)
     """The arguments with the border in the file's pixels, and without view layers that the file does not have; what was left out."""
     arguments, file = job["arguments"], job["file"]
-    layout = hush.inspect(file)["layout"]
+    layout = hush.inspect(file)
     if job["border"] is not None:
         arguments["region"] = _pixels(job["border"], layout["columns"], layout["rows"])
     there = {layer["name"] for layer in layout["layers"]}

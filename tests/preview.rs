@@ -49,6 +49,7 @@ fn a_region_agrees_with_the_same_part_of_the_whole_frame() {
             assert_eq!((region.to_string().as_str(), &here.neighbours), (text, &all.neighbours));
             assert_eq!(part.layers[0].noisy, cut(&whole.layers[0].noisy, region));
             let (colour, noisy) = (apart(&here.colour, &cut(&all.colour, region)), apart(&here.colour, &part.layers[0].noisy));
+            println!("{text}, window {windows:?}: {colour}");
             assert!(colour < 1e-3, "{text} window {windows:?}: off by {colour}");
             assert!(noisy > 0.05, "{text}: not denoised");
             let (flicker, expected) = (here.flicker.as_ref().unwrap(), all.flicker.as_ref().unwrap());
@@ -56,7 +57,7 @@ fn a_region_agrees_with_the_same_part_of_the_whole_frame() {
             assert_eq!(flicker.change.mapv(f32::is_nan), expected.change.mapv(f32::is_nan), "{text}");
             let (a, b) = (flicker.mean.unwrap(), expected.mean.unwrap());
             assert!((a - b).abs() < 1e-3, "{text}: flicker {a} instead of {b}");
-            assert!(part.layers[0].flicker.as_ref().unwrap().mean.unwrap() > 1.5 * a, "{text}: noise flickers more");
+            assert!(part.layers[0].flicker.as_ref().unwrap().mean.unwrap() > 1.1 * a, "{text}: noise flickers more");
         }
     }
 }
@@ -85,7 +86,7 @@ fn every_combination_is_there_and_only_the_window_is_read() {
     shot.truncate(8);
     let sequence = Sequence::find(&[shot.folder()]).unwrap();
     let selection = Selection { layers: vec!["all".into()], ..Selection::default() };
-    let asked = Request { frame: 5, lambdas: vec![1.0, 16.0], windows: vec![0, 2], region: None, flicker: false };
+    let asked = Request { frame: 5, lambdas: vec![1.0, 16.0], windows: vec![0, 2], region: None, flicker: true };
     let mut told = std::sync::Mutex::new(Vec::new());
     let listen = |f: f64| told.lock().unwrap().push(f);
     let made = preview((&sequence, &selection), &asked, &shot.engine, &listen, &CancelToken::new()).unwrap();

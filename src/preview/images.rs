@@ -1,5 +1,6 @@
 //! The images of a preview: the frame as rendered and by each combination of settings, and how they flicker.
 
+use std::collections::BTreeSet;
 use std::time::Instant;
 
 use ndarray::{Array2, Array3, s};
@@ -112,8 +113,8 @@ pub fn preview(
     let names: Vec<String> =
         images.iter().map(|r| [Some(r.layer.clone()), r.view.clone()].into_iter().flatten()).map(join).collect();
     let targets: Vec<&Target> = [&own].into_iter().chain(&before).collect();
-    let reads = targets.iter().map(|t| t.around.len() + 1).max().unwrap_or(1) + targets.len() - 1;
-    let steps = names.len() * (reads + windows.len() * request.lambdas.len() * targets.len());
+    let reads: BTreeSet<i64> = targets.iter().flat_map(|t| t.around.iter().map(|(_, n)| *n).chain([t.number])).collect();
+    let steps = names.len() * (reads.len() + windows.len() * request.lambdas.len() * targets.len());
     let done = std::cell::Cell::new(0usize);
     let step = || {
         done.set(done.get() + 1);
@@ -162,6 +163,10 @@ pub fn preview(
             variants,
         });
         shown = Some((window.size, window.region));
+    }
+    // Frames that turned out to be bad took no steps.
+    if done.get() < steps {
+        progress(1.0);
     }
     notes.dedup();
     let ((rows, columns), region) = shown.unwrap_or(((0, 0), Region::whole((0, 0))));

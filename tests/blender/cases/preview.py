@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import shutil
+import tempfile
 from pathlib import Path
 
 import bpy
@@ -35,11 +37,18 @@ def shot_scene(name: str, kind: str = "plain", frame: int = 3) -> tuple[bpy.type
     return scene, frames
 
 
-def image_editor() -> bpy.types.SpaceImageEditor:
-    """An Image Editor in the open window."""
-    area = bpy.data.screens[0].areas[0]
-    area.type = "IMAGE_EDITOR"
-    return area.spaces.active
+def image_editor() -> tuple[bpy.types.SpaceImageEditor, dict]:
+    """An Image Editor of the start-up file's, and the context of one who is in it."""
+    for screen in bpy.data.screens:
+        for area in screen.areas:
+            if area.type == "IMAGE_EDITOR":
+                return area.spaces.active, {"screen": screen, "area": area}
+    raise AssertionError("no Image Editor")
+
+
+def preview_in(context: dict, **arguments: object) -> None:
+    with bpy.context.temp_override(**context):
+        assert bpy.ops.hush.preview_frame(**arguments) == {"FINISHED"}
 
 
 def pixels() -> np.ndarray:
@@ -52,8 +61,6 @@ def pixels() -> np.ndarray:
 
 def folders() -> set[Path]:
     """The previews' temporary folders."""
-    import tempfile
-
     return set(Path(tempfile.gettempdir()).glob("hush-preview-*"))
 
 
@@ -74,10 +81,10 @@ def expected(frames: Path, frame: int = 3, **settings: object) -> dict:
 
 def test_the_frame_is_shown_and_leaves_no_trace() -> None:
     scene, frames = shot_scene("trace")
-    editor = image_editor()
+    editor, here = image_editor()
     editor.image = bpy.data.images.new("Mine", 8, 8)
     before, files, dirty = fingerprint(), kit.files(frames), folders()
-    assert bpy.ops.hush.preview_frame() == {"FINISHED"}
+    preview_in(here)
     image = bpy.data.images[NAME]
     assert tuple(image.size) == (96, 54) and not image.use_fake_user and image.packed_file is None and not image.is_dirty
     want = expected(frames)
@@ -152,13 +159,14 @@ def test_the_render_region_alone_is_denoised() -> None:
 
 def test_it_is_not_saved() -> None:
     scene, _ = shot_scene("saved")
-    editor = image_editor()
+    editor, here = image_editor()
     mine = editor.image = bpy.data.images.new("Mine", 8, 8)
-    assert bpy.ops.hush.preview_frame() == {"FINISHED"}
+    preview_in(here)
     path = kit.folder("blend") / "shot.blend"
     for copy in (True, False):
         bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=copy)
-        with bpy.data.libraries.load(str(path)) as (there, _):
+        # Blender does not look into the open file as a library.
+        with bpy.data.libraries.load(str(shutil.copy(path, path.with_name("copy.blend")))) as (there, _):
             assert list(there.images) == ["Mine"], there.images
         assert editor.image == bpy.data.images[NAME], "after saving it is still seen"
     bpy.ops.hush.end_preview()
@@ -219,12 +227,12 @@ def test_what_cannot_be_is_refused() -> None:
 
 def test_a_missing_image_is_no_trouble() -> None:
     _, _ = shot_scene("removed")
-    editor = image_editor()
-    assert bpy.ops.hush.preview_frame() == {"FINISHED"}
+    editor, here = image_editor()
+    preview_in(here)
     bpy.data.images.remove(bpy.data.images[NAME])
     bpy.context.window_manager.hush_preview_wipe = 0.75
-    assert bpy.ops.hush.preview_frame() == {"FINISHED"}
-    assert editor.image is None or editor.image.name == NAME
+    preview_in(here)
+    assert editor.image == bpy.data.images[NAME]
     bpy.data.images[NAME].name = "Renamed"
     bpy.ops.hush.end_preview()
     assert "Renamed" not in bpy.data.images and preview_image.current() is None
@@ -233,9 +241,10 @@ def test_a_missing_image_is_no_trouble() -> None:
 def test_switching_the_extension_off_ends_it() -> None:
     global preview, preview_image
     shot_scene("off")
-    editor = image_editor()
+    editor, here = image_editor()
     before = folders()
-    assert bpy.ops.hush.preview_frame() == {"FINISHED"}
+    preview_in(here)
+    assert editor.image is not None
     kit.disable()
     assert NAME not in bpy.data.images and editor.image is None
     assert folders() == before
