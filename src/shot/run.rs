@@ -180,14 +180,15 @@ impl<'a> Run<'a> {
             let reads = left.clone().take_while(|n| *n <= target.frame + radius).count();
             let mut progress = FrameProgress::new(self.report, target.frame, reads);
             while left.next_if(|n| *n <= target.frame + radius).is_some() {
-                if self.must_end(cancel, written) {
+                // A frame that was told to be in hand is finished, whoever cancels.
+                if self.has_stopped(written) {
                     return;
                 }
                 let Ok(next) = decoded.recv() else { return };
                 self.take_in(next, engine);
                 progress.read_one();
             }
-            if self.must_end(cancel, written) {
+            if self.has_stopped(written) {
                 return;
             }
             let Some(centre) = self.kept.ring.get(&target.frame) else {
@@ -223,8 +224,13 @@ impl<'a> Run<'a> {
 
     /// Whether to begin nothing more; settles what the writer has done.
     fn must_end(&mut self, cancel: &CancelToken, written: &Receiver<Written>) -> bool {
+        self.has_stopped(written) || cancel.is_cancelled()
+    }
+
+    /// Whether the run cannot go on; settles what the writer has done.
+    fn has_stopped(&mut self, written: &Receiver<Written>) -> bool {
         written.try_iter().for_each(|w| self.settle(w));
-        cancel.is_cancelled() || self.summary.stopped.is_some()
+        self.summary.stopped.is_some()
     }
 
     /// Checks and encodes a frame that was decoded.
