@@ -76,6 +76,39 @@ TEXTS = {
     "lossy_file": "{file} has lossy compression ({compression}): choose ZIP under Output › Codec and press Render Animation",
     "stale": "{frames:frame is} out of date: {reason}. Press Denoise Shot",
     "failed": "{frames:frame} could not be denoised: {reason}",
+    # Composite Denoised
+    "composite_no_nodes": "The scene has no compositor nodes: press Add Temporal Denoise Node",
+    "composite_folder_same": "Composited frames would replace others in {folder}: choose another folder under Composited Frames",
+    "composite_nothing": "No frame of this shot is denoised: press Denoise Shot first",
+    "composite_library": "The Hush library is of another version than the extension: install the extension again",
+    "composite_copy": "The copy of the file that is composited cannot be saved: {reason}",
+    "composite_missing": "{frames:frame is} not denoised: press Denoise Shot",
+    "composite_size": "{frames:frame} cannot be composited: {reason}. Press Render Animation, then Denoise Shot",
+    "composite_scene": (
+        "{frames:frame} cannot be composited: {reason}. Give each scene an Output Path of its own, then press Render Animation"
+    ),
+    "composite_damaged": "{frames:frame} cannot be composited: {reason}",
+    "composite_failed": "{frames:frame} could not be composited: {reason}",
+    "composite_old": "{frames:frame is} out of date ({reason}): composited with the old denoised image",
+    "composite_noisy": "{frames:frame is} not denoised ({reason}): composited with noise",
+    "composite_stopped": "Compositing was stopped; {count:frame} composited",
+    "composite_done": "{count:frame} composited in {clock}, in {folder}",
+    "composite_some": "{count} of {total:frame} composited",
+    "composite_outputs": "File Output node {node} would replace the frames of the shot and was left out",
+    "composite_other_scene": "Scene {scene} is in the composite too: it is rendered again, noisy",
+    "composite_lost": "The frames do not hold {passes} of view layer {layer}; the composite does without",
+    "composite_scripts": (
+        "Python of the file was not run for compositing, so its drivers stood still: "
+        "turn on Preferences › Save & Load › Auto Run Python Scripts if you trust the file"
+    ),
+    "composite_addon_node": "Node {node} is of an add-on that is not there in the process that composites: turn the add-on on, or mute it",
+    "composite_linked": "The scene is linked from {file}: open that file",
+    # Render and Denoise Shot
+    "whole_rendered": "{count:frame is} rendered already and kept; turn on Render Again to render all",
+    "whole_to_render": "Rendering {count:frame}",
+    "whole_done": "{total:frame} rendered, denoised{composited}",
+    "whole_unfinished": "{frames:frame} could not be rendered: look at Blender's own report, then press Render and Denoise Shot again",
+    "whole_stopped": "Rendering was stopped: press Render and Denoise Shot again to go on",
     # Check Shot
     "ready": "The shot is ready",
     "problems": "{count:problem}",

@@ -172,7 +172,7 @@ def test_scenes_that_cannot_be() -> None:
 def test_missing_and_damaged_frames_are_an_error_but_the_rest_is_done() -> None:
     scene, frames = shot_scene("gaps")
     (frames / "frame_0004.exr").unlink()
-    refused("Frames 4 are not rendered")
+    refused("Frame 4 is not rendered: press Render Animation")
     assert images(frames / "denoised") == [name for name in NAMES if "4" not in name]
     shutil.copy(kit.shot() / "frame_0004.exr", frames)
     (frames / "frame_0005.exr").write_bytes((kit.shot() / "frame_0005.exr").read_bytes()[:20000])
@@ -183,7 +183,7 @@ def test_missing_and_damaged_frames_are_an_error_but_the_rest_is_done() -> None:
 
 def test_stopped_half_way_and_continued() -> None:
     scene, frames, names = long_scene("stopped")
-    running = job.start(scene.name, denoise.runs(scene))
+    running = denoise.start(scene)
     assert not bpy.ops.hush.denoise_shot.poll(), "a second run could be started"
     wait_for_frames(running, 2)
     assert denoise.progress(scene) is not None and 0 < running.fraction < 1
@@ -205,7 +205,7 @@ def test_stopped_half_way_and_continued() -> None:
 
 def test_a_worker_that_is_killed_is_told() -> None:
     scene, frames, names = long_scene("killed")
-    running = job.start(scene.name, denoise.runs(scene))
+    running = denoise.start(scene)
     wait_for_frames(running, 1)
     os.kill(running._process.pid, signal.SIGKILL)
     wait_for_end(running)
@@ -223,8 +223,8 @@ def test_the_worker_ends_with_blender() -> None:
         f"""
 import importlib, os, sys, bpy
 bpy.ops.wm.open_mainfile(filepath=sys.argv[1])
-denoise, job = (importlib.import_module("{kit.MODULE}." + name) for name in ("denoise", "job"))
-running = job.start("Scene", denoise.runs(bpy.data.scenes["Scene"]))
+denoise = importlib.import_module("{kit.MODULE}.denoise")
+running = denoise.start(bpy.data.scenes["Scene"])
 print("worker", running._process.pid, flush=True)
 os._exit(0)
 """,
@@ -240,7 +240,7 @@ os._exit(0)
 
 def test_switching_the_extension_off_stops_the_worker() -> None:
     scene, _, _ = long_scene("off")
-    running = job.start(scene.name, denoise.runs(scene))
+    running = denoise.start(scene)
     kit.disable()
     assert running._process.poll() is not None
     kit.enable()
@@ -322,7 +322,7 @@ class Window:
         """The operator's own functions on an object that is not Blender's."""
         kind = denoise.HUSH_OT_denoise_shot
         fake = SimpleNamespace(input_filepath="", output_filepath="", overwrite=False, scene="", _timer=object())
-        for name in ("_begin", "_show", "_hide", "_finish", "modal", "cancel"):
+        for name in ("_begin", "_show", "_hide", "_finish", "_outcome", "modal", "cancel"):
             setattr(fake, name, MethodType(getattr(kind, name), fake))
         fake.report = lambda level, text: self.reports.append((*level, text))
         return fake

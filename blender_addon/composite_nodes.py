@@ -1,0 +1,72 @@
+# SPDX-FileCopyrightText: 2026 Hush authors
+# SPDX-License-Identifier: Apache-2.0
+"""The nodes that a composite has to know: those of Hush, also of its first form, and those that this Blender does not know."""
+
+import os
+from collections.abc import Iterator
+
+import bpy
+
+from . import compat
+
+_FORM = "hush_form"
+_FIRST_FORM, _FIRST_NAME = "HushTemporalDenoiseNode", "Temporal Denoise"
+
+
+def of_hush(node: bpy.types.Node) -> tuple[bpy.types.Scene | None, str] | None:
+    """The scene (None: the one that is composited) and view layer (empty: the first) that a node of Hush shows; None for others.
+
+    Where the extension is off its settings cannot be read.
+    """
+    tree = getattr(node, "node_tree", None)
+    if node.bl_idname == "CompositorNodeGroup" and tree is not None and tree.get(_FORM):
+        settings = getattr(tree, "hush", None)
+        return getattr(settings, "scene", None), getattr(settings, "view_layer", "") or ""
+    if node.bl_idname == _FIRST_FORM:
+        return getattr(node, "source_scene", None), getattr(node, "view_layer", "")
+    if is_undefined(node) and _looks_like_the_first_form(node):
+        scene = node.get("source_scene")
+        return scene if isinstance(scene, bpy.types.Scene) else None, str(node.get("view_layer", ""))
+    return None
+
+
+def is_undefined(node: bpy.types.Node) -> bool:
+    """Whether a node is of an add-on that is not there."""
+    return node.bl_idname == "NodeUndefined"
+
+
+def _looks_like_the_first_form(node: bpy.types.Node) -> bool:
+    """Blender 5 shows nothing of it but its name and sockets."""
+    sockets = [socket.name for socket in node.inputs], [socket.name for socket in node.outputs]
+    return node.name.startswith(_FIRST_NAME) and sockets == (["Image"], ["Image"])
+
+
+def key(tree: bpy.types.NodeTree, node: bpy.types.Node) -> str:
+    """A name for a node that means the same in a copy of the file."""
+    return f"{tree.get('hush_original', tree.name_full)} › {node.name}"
+
+
+def local_copy(tree: bpy.types.NodeTree) -> bpy.types.NodeTree:
+    """A tree of a library, as one that can be changed; its nodes keep their `key`."""
+    copied = tree.copy()
+    copied["hush_original"] = tree.name_full
+    return copied
+
+
+def reached(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.NodeTree, bpy.types.Node]]:
+    """Every node that the scene's compositor reaches, also inside groups, but not inside those of Hush."""
+    waiting, seen = [compat.compositor_tree(scene)], set()
+    while waiting:
+        tree = waiting.pop()
+        if tree is None or tree in seen:
+            continue
+        seen.add(tree)
+        for node in tree.nodes:
+            yield tree, node
+            if of_hush(node) is None and getattr(node, "node_tree", None) is not None:
+                waiting.append(node.node_tree)
+
+
+def absolute(path: str, origin: str) -> str:
+    """A path of the original file, which lay in the folder `origin`; the copy lies elsewhere."""
+    return os.path.normpath(os.path.join(origin, path[2:])) + ("/" if path.endswith("/") else "") if path.startswith("//") else path
