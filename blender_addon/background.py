@@ -71,8 +71,7 @@ class JobOperator:
         before = self._job.text, self._job.fraction
         self._job.poll()
         if self._job.ended:
-            self._hide(context)
-            return self._finish()
+            return self._ended(context)
         if before != (self._job.text, self._job.fraction):
             self._show(context)
         return {"PASS_THROUGH"}
@@ -81,6 +80,10 @@ class JobOperator:
         """Blender ends the operator, as when another file is opened."""
         self._hide(context)
         self._job.close()
+
+    def _ended(self, context: bpy.types.Context) -> set[str]:
+        self._hide(context)
+        return self._finish()
 
     def _show(self, context: bpy.types.Context) -> None:
         context.window_manager.progress_update(round(1000 * self._job.fraction))

@@ -104,11 +104,12 @@ TEXTS = {
     "composite_addon_node": "Node {node} is of an add-on that is not there in the process that composites: turn the add-on on, or mute it",
     "composite_linked": "The scene is linked from {file}: open that file",
     # Render and Denoise Shot
-    "whole_rendered": "{count:frame is} rendered already and kept; turn on Render Again to render all",
-    "whole_to_render": "Rendering {count:frame}",
-    "whole_done": "{total:frame} rendered, denoised{composited}",
-    "whole_unfinished": "{frames:frame} could not be rendered: look at Blender's own report, then press Render and Denoise Shot again",
+    "whole_kept": "{frames:frame is} rendered already and kept: turn on Render Again to render all frames",
+    "whole_failed": "{frames:frame is} not rendered: see what Blender reports, then press Render and Denoise Shot again",
     "whole_stopped": "Rendering was stopped: press Render and Denoise Shot again to go on",
+    "whole_gone": "Scene {name} is gone",
+    "whole_done": "{total:frame} rendered and denoised, {rendered} of them now",
+    "whole_composited": "{total:frame} rendered, denoised and composited, {rendered} of them rendered now",
     # Check Shot
     "ready": "The shot is ready",
     "problems": "{count:problem}",

@@ -9,9 +9,9 @@ import bpy
 
 # Of the window: what is open and where, not what is in the file.
 _WINDOW = {"window_managers", "screens", "workspaces"}
-# What Blender counts or fills by itself when it is read, and the brushes.
+# What Blender counts or fills by itself when it is read; the brushes; `uv_layer_clone`, which 4.2 makes up anew each time.
 _VOLATILE = {"rna_type", "session_uid", "is_evaluated", "is_runtime_data", "original", "id_data", "bindcode", "has_data", "pixels"}
-_VOLATILE |= {"depsgraph", "preview", "render_slots", "is_loaded", "internal_links", "tool_settings", "users"}
+_VOLATILE |= {"depsgraph", "preview", "render_slots", "is_loaded", "internal_links", "tool_settings", "users", "uv_layer_clone"}
 _SIMPLE = {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"}
 
 Fingerprint = dict[str, Any]
