@@ -9,9 +9,10 @@ import bpy
 
 # Of the window: what is open and where, not what is in the file.
 _WINDOW = {"window_managers", "screens", "workspaces"}
-# What Blender counts or fills by itself when it is read; the brushes; `uv_layer_clone`, which 4.2 makes up anew each time.
+# What Blender counts, fills or turns by itself when it is read; the brushes; two UV layers that 4.x makes up anew each time.
 _VOLATILE = {"rna_type", "session_uid", "is_evaluated", "is_runtime_data", "original", "id_data", "bindcode", "has_data", "pixels"}
-_VOLATILE |= {"depsgraph", "preview", "render_slots", "is_loaded", "internal_links", "tool_settings", "users", "uv_layer_clone"}
+_VOLATILE |= {"depsgraph", "preview", "render_slots", "is_loaded", "internal_links", "tool_settings", "users"}
+_VOLATILE |= {"uv_layer_clone", "uv_layer_stencil", "storage_type"}
 _SIMPLE = {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"}
 
 Fingerprint = dict[str, Any]

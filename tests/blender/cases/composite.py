@@ -517,7 +517,7 @@ class Window:
     def operator(self) -> SimpleNamespace:
         """The operator's own functions on an object that is not Blender's."""
         fake = SimpleNamespace(scene="", allow_stale=False, _timer=object())
-        for name in ("_begin", "_show", "_hide", "_finish", "_outcome", "modal", "cancel"):
+        for name in ("_begin", "_show", "_hide", "_finish", "_outcome", "_ended", "modal", "cancel"):
             setattr(fake, name, MethodType(getattr(composite.HUSH_OT_composite_shot, name), fake))
         fake.report = lambda level, text: self.reports.append((*level, text))
         return fake
