@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
 # SPDX-License-Identifier: Apache-2.0
-"""The settings of a shot, kept in the scene as `scene.hush`."""
+"""The settings of a shot, kept in the scene as `scene.hush`, and of a node, kept in its tree as `tree.hush`."""
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty
@@ -21,7 +21,7 @@ COMPOSITE_FORMATS = (
 )
 
 
-def _changed(self: "HushShot", _context: bpy.types.Context) -> None:
+def _changed(self: "HushShot | HushNode", _context: bpy.types.Context) -> None:
     status.touch(self.id_data)
 
 
@@ -103,13 +103,36 @@ class HushShot(bpy.types.PropertyGroup):
     )
 
 
+class HushNode(bpy.types.PropertyGroup):
+    """What a Temporal Denoise node shows."""
+
+    scene: PointerProperty(
+        type=bpy.types.Scene,
+        name="Scene",
+        description="Scene whose denoised frames to show. Empty: the scene that is composited",
+        options=set(),
+        update=_changed,
+    )
+    view_layer: StringProperty(
+        name="View Layer",
+        description="View layer to show. Empty: the first one that is rendered",
+        options=set(),
+        update=_changed,
+    )
+
+
 def register() -> None:
-    """Adds `scene.hush`."""
-    bpy.utils.register_class(HushShot)
-    bpy.types.Scene.hush = PointerProperty(type=HushShot)
+    """Adds `scene.hush` and `tree.hush`."""
+    for cls, owner in _OWNERS:
+        bpy.utils.register_class(cls)
+        owner.hush = PointerProperty(type=cls)
 
 
 def unregister() -> None:
-    """Takes `scene.hush` away; its values stay in the .blend."""
-    del bpy.types.Scene.hush
-    bpy.utils.unregister_class(HushShot)
+    """Takes them away; their values stay in the .blend."""
+    for cls, owner in reversed(_OWNERS):
+        del owner.hush
+        bpy.utils.unregister_class(cls)
+
+
+_OWNERS = ((HushShot, bpy.types.Scene), (HushNode, bpy.types.NodeTree))
