@@ -12,9 +12,10 @@ import bpy
 import kit
 import numpy as np
 import OpenEXR
+import plain
+from plain import CHANNELS, render
 
 BLENDER_5 = bpy.app.version >= (5, 0)
-CHANNELS = "RGBA"
 
 
 def module(name: str) -> ModuleType:
@@ -42,17 +43,8 @@ def noisy(shot: Path, frame: int) -> np.ndarray:
     return kit.layer(shot / f"frame_{frame:04d}.exr", "Combined")
 
 
-def incoming() -> np.ndarray:
-    """What comes into the node of `scene_with_node`: other values at every pixel, some of them fireflies, and transparent ones. RGBA."""
-    rows, columns = np.mgrid[:54, :96]
-    plane = 20 + columns / 100 + rows / 1000
-    image = np.stack([plane, plane / 2, plane / 4, (columns % 7) / 6], -1).astype(np.float32)
-    image[5, 5], image[6, 6] = (1e30, 1e30, 1e30, 1), (0, 0, 0, 0)
-    return image
-
-
 def scene_with_node(shot: Path, kind: str = "plain") -> tuple[bpy.types.Scene, bpy.types.Node]:
-    """The test scene whose compositor has `incoming()`, Temporal Denoise and output; its frames are read from `shot`."""
+    """The test scene whose compositor has `plain.incoming()`, Temporal Denoise and output; its frames are read from `shot`."""
     scene = kit.build_scene(kind)
     scene.hush.input_folder = str(shot)
     assert bpy.ops.hush.add_node() == {"FINISHED"}
@@ -62,9 +54,9 @@ def scene_with_node(shot: Path, kind: str = "plain") -> tuple[bpy.types.Scene, b
 
 
 def put_in(scene: bpy.types.Scene, node: bpy.types.Node) -> None:
-    """Puts `incoming()` in the place of Render Layers: exact, and nothing is rendered."""
+    """Puts `plain.incoming()` in the place of Render Layers: exact, and nothing is rendered."""
     path = kit.folder("incoming") / "incoming.exr"
-    image = incoming()
+    image = plain.incoming()
     planes = {name: np.ascontiguousarray(image[..., i]) for i, name in enumerate(CHANNELS)}
     OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}, planes).write(str(path))
     tree = node.id_data
@@ -74,31 +66,6 @@ def put_in(scene: bpy.types.Scene, node: bpy.types.Node) -> None:
     source.image = bpy.data.images.load(str(path))
     source.image.colorspace_settings.name = "Linear Rec.709"
     tree.links.new(source.outputs["Image"], node.inputs[0])
-
-
-def render(scene: bpy.types.Scene, frame: int, folder: Path) -> np.ndarray:
-    """Renders a frame, as F12 does, and returns what the compositor made of it, RGBA."""
-    render, settings = scene.render, scene.render.image_settings
-    before = render.filepath, settings.file_format
-    if hasattr(settings, "media_type"):
-        settings.media_type = "IMAGE"
-    settings.file_format, settings.color_mode, settings.color_depth = "OPEN_EXR", "RGBA", "32"
-    scene.frame_set(frame)
-    if scene == bpy.context.scene:
-        render.filepath = str(folder / f"result_{frame}")
-        bpy.ops.render.render(write_still=True)
-    else:
-        # Of other scenes Blender renders single frames with the images of their last frame.
-        render.filepath = str(folder / "result_#")
-        kept = scene.frame_start, scene.frame_end
-        scene.frame_start = scene.frame_end = frame
-        bpy.ops.render.render(animation=True, scene=scene.name)
-        scene.frame_start, scene.frame_end = kept
-    render.filepath = before[0]
-    module("compat").use_multilayer(settings)
-    settings.color_depth = "32"
-    planes = kit.channels(folder / f"result_{frame}.exr")
-    return np.stack([planes[name] for name in CHANNELS], -1)
 
 
 @contextmanager
@@ -134,4 +101,4 @@ def assert_same(image: np.ndarray, expected: np.ndarray, what: str) -> None:
 
 def assert_incoming(image: np.ndarray, what: str = "the incoming image") -> None:
     """Fails unless the node passed its input through bit for bit."""
-    assert_same(image, incoming(), what)
+    assert_same(image, plain.incoming(), what)
