@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Hush: temporal denoising of Cycles animations, as a Blender extension."""
 
-import atexit
 import importlib
 import sys
 from types import ModuleType
@@ -33,12 +32,9 @@ def register() -> None:
     except Exception:
         unregister()
         raise
-    # Blender 4.5 hangs at exit while a Python node class is still registered.
-    atexit.register(unregister)
 
 
 def unregister() -> None:
     """Takes back whatever is registered, last first; harmless when nothing is."""
-    atexit.unregister(unregister)
     while _registered:
         _registered.pop().unregister()

@@ -29,6 +29,13 @@ def frame_change_post(*_: object) -> None:
 
 
 @persistent
+def depsgraph_update_post(*_: object) -> None:
+    """A setting may have changed, by hand or by a script: what a node shows must follow, also where no panel is open."""
+    if node.are_there():
+        refresh.request()
+
+
+@persistent
 def undo_post(*_: object) -> None:
     """What was undone may have shown another frame."""
     node.pass_through()
@@ -71,6 +78,7 @@ def save_post(*_: object) -> None:
 _HANDLERS = (
     ("load_post", load_post),
     ("frame_change_post", frame_change_post),
+    ("depsgraph_update_post", depsgraph_update_post),
     ("undo_post", undo_post),
     ("redo_post", undo_post),
     ("render_init", render_init),

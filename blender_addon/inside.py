@@ -56,7 +56,7 @@ def build() -> bpy.types.NodeTree:
 
 def fill(tree: bpy.types.NodeTree) -> None:
     """Makes the inside of a tree anew; its sockets stay, and so do the links of its nodes."""
-    image = next((node.image for node in tree.nodes if node.name == FRAME and getattr(node, "image", None)), None) or _image()
+    image = _own_image(tree) or _new_image()
     tree.animation_data_clear()
     tree.nodes.clear()
     tree[SHOWN_KEY] = NO_FRAME
@@ -90,7 +90,9 @@ def is_sound(tree: bpy.types.NodeTree) -> bool:
     frame, choice = tree.nodes.get(FRAME), tree.nodes.get(CHOICE)
     if tree.get(FORM_KEY) != FORM or SHOWN_KEY not in tree or frame is None or choice is None or tree.animation_data is None:
         return False
-    if frame.bl_idname != "CompositorNodeImage" or choice.bl_idname != "CompositorNodeSwitch" or frame.image is None or choice.mute:
+    if frame.bl_idname != "CompositorNodeImage" or choice.bl_idname != "CompositorNodeSwitch" or choice.mute:
+        return False
+    if _own_image(tree) is None:
         return False
     owner, name = _chosen(choice)
     paths = {curve.data_path: curve for curve in tree.animation_data.drivers}
@@ -111,9 +113,11 @@ def show(tree: bpy.types.NodeTree, frame: int, picture: Picture) -> bool:
     """Shows a denoised file at a frame; False where it has none of the view layers. Writes nothing where it is shown already."""
     node = tree.nodes[FRAME]
     known = _read.get(tree.session_uid)
-    if known == picture and shown_frame(tree) == frame and node.outputs and tree.nodes[CHOICE].inputs["On"].is_linked:
-        return True
     image = node.image
+    if known == picture and path_of(image) != picture.path:
+        known = None
+    if known == picture and shown_frame(tree) == frame and tree.nodes[CHOICE].inputs["On"].is_linked:
+        return True
     if known != picture:
         _load(image, picture)
         # Its sockets are those of the new file.
@@ -157,7 +161,18 @@ def path_of(image: bpy.types.Image) -> Path:
     return Path(bpy.path.abspath(image.filepath, library=image.library))
 
 
-def _image() -> bpy.types.Image:
+def _own_image(tree: bpy.types.NodeTree) -> bpy.types.Image | None:
+    """A tree's image; none where it is that of an earlier tree, whose frames it would show, as after the tree was copied."""
+    image = getattr(tree.nodes.get(FRAME), "image", None)
+    for other in bpy.data.node_groups:
+        if other == tree:
+            return image
+        if image is not None and is_one(other) and getattr(other.nodes.get(FRAME), "image", None) == image:
+            return None
+    return image
+
+
+def _new_image() -> bpy.types.Image:
     image = bpy.data.images.new(NAME, 1, 1)
     image.source = "FILE"
     try:

@@ -127,11 +127,13 @@ TEXTS = {
     "node_old": (
         "The Temporal Denoise node is of an earlier Hush and shows nothing: press Fix to replace it; its links and settings are kept"
     ),
-    "node_broken": "The inside of the node {node} is not as Hush made it, so it passes the image through: press Fix to make it anew",
+    "node_broken": (
+        "The inside of the node {node} was copied or changed since Hush made it, so it passes the image through: press Fix to make it anew"
+    ),
     "node_replaced": "{count:node} made anew",
     "node_off": "The image passes through: {reason}",
     "node_linked": "the node is linked from {file}, and linked nodes show nothing; add one in this file",
-    "node_inside": "the inside of the node is not as Hush made it; press Check Shot and Fix",
+    "node_inside": "the inside of the node was copied or changed since Hush made it; press Check Shot and Fix",
     "node_owners": "the scenes {scenes} use this node and have different frames; choose one as its Scene",
     "node_stereo": "stereo views are put in by Composite Denoised only",
     "node_stretch": "time is stretched, which files of frames cannot follow; set Time Stretching Old and New to the same",

@@ -45,6 +45,11 @@ def new(parent: bpy.types.NodeTree) -> bpy.types.Node:
     return node
 
 
+def are_there() -> bool:
+    """Whether the file has any such node."""
+    return any(inside.is_one(tree) for tree in bpy.data.node_groups)
+
+
 def sync(*scenes: bpy.types.Scene) -> None:
     """Shows the denoised frame in the scenes' nodes where it is current, else the incoming image. From the main thread, not in a render.
 
@@ -111,7 +116,7 @@ def faults(scene: bpy.types.Scene) -> Iterator[tuple[str, str]]:
     for node in _all_nodes(scene):
         if _is_old(node):
             yield "node_old", node.name
-        elif node.bl_idname == _GROUP and inside.is_one(node.node_tree) and not _is_linked(node) and not inside.is_sound(node.node_tree):
+        elif _is_broken(node):
             yield "node_broken", node.name
 
 
@@ -119,11 +124,9 @@ def repair(scene: bpy.types.Scene) -> int:
     """Replaces nodes of earlier versions of Hush, their links kept, and makes anew what is inside of broken ones. Returns how many."""
     count = 0
     for node in list(_all_nodes(scene)):
-        if _is_linked(node):
-            continue
-        if _is_old(node):
+        if _is_old(node) and not _is_linked(node):
             _replace(node)
-        elif node.bl_idname == _GROUP and inside.is_one(node.node_tree) and not inside.is_sound(node.node_tree):
+        elif _is_broken(node):
             inside.fill(node.node_tree)
         else:
             continue
@@ -151,6 +154,11 @@ def _local_trees() -> list[bpy.types.NodeTree]:
 
 def _is_linked(node: bpy.types.Node) -> bool:
     return node.id_data.library is not None or getattr(node, "node_tree", None) is not None and node.node_tree.library is not None
+
+
+def _is_broken(node: bpy.types.Node) -> bool:
+    is_ours = node.bl_idname == _GROUP and inside.is_one(node.node_tree)
+    return is_ours and not _is_linked(node) and not inside.is_sound(node.node_tree)
 
 
 def _sync_tree(tree: bpy.types.NodeTree, scene: bpy.types.Scene) -> None:

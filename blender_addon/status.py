@@ -93,14 +93,6 @@ def last_known(scene: bpy.types.Scene) -> ShotStatus | None:
     return known.status if known else None
 
 
-def touch(owner: bpy.types.ID) -> None:
-    """Says that settings of a scene or a node changed: what is shown is looked up anew."""
-    from . import refresh
-
-    if isinstance(owner, bpy.types.Scene | bpy.types.NodeTree):
-        refresh.request(now=True)
-
-
 def forget() -> None:
     """The files changed: the next question looks at the disk."""
     _scenes.clear()

@@ -175,7 +175,7 @@ def test_a_damaged_inside_passes_through_and_is_mended() -> None:
         frames.shown(scene, 2)
         change()
         node.sync(scene)
-        assert not node.is_on(tree) and "not as Hush made it" in node.why_off(tree), what
+        assert not node.is_on(tree) and "since Hush made it" in node.why_off(tree), what
         (found,) = (problem for problem in check.problems(scene, fresh=True) if problem.key == "node")
         assert bpy.ops.hush.fix(**found.fix[1]) == {"FINISHED"}
         assert not any(problem.key == "node" for problem in check.problems(scene, fresh=True)), what
