@@ -19,27 +19,27 @@ def load_post(*_: object) -> None:
     node.forget()
     refresh.forget()
     node.pass_through()
-    refresh.request(now=True)
+    refresh.request(now=True, nodes_only=True)
 
 
 @persistent
 def frame_change_post(*_: object) -> None:
     """The driver passes the new frame through at once; what is there for it is looked up when the playhead rests."""
-    refresh.request(now=True)
+    refresh.request(now=True, nodes_only=True)
 
 
 @persistent
 def depsgraph_update_post(*_: object) -> None:
     """A setting may have changed, by hand or by a script: what a node shows must follow, also where no panel is open."""
     if node.are_there():
-        refresh.request()
+        refresh.request(nodes_only=True)
 
 
 @persistent
 def undo_post(*_: object) -> None:
     """What was undone may have shown another frame."""
     node.pass_through()
-    refresh.request(now=True)
+    refresh.request(now=True, nodes_only=True)
 
 
 @persistent
@@ -58,7 +58,7 @@ def render_pre(scene: bpy.types.Scene, *_: object) -> None:
 @persistent
 def render_done(*_: object) -> None:
     """The nodes may show frames again."""
-    refresh.request(now=True)
+    refresh.request(now=True, nodes_only=True)
 
 
 @persistent

@@ -73,7 +73,7 @@ TEXTS = {
         "Press Render Animation"
     ),
     "older_layer": "{file} has no view layer {layers}: it is of an earlier render. Press Render Animation",
-    "older_pass": "{file} was rendered before {passes} of {layer} was turned on: press Render Animation",
+    "older_pass": "{file} lacks {passes} of {layer}, turned on since it was rendered: press Render Animation",
     "lossy_file": "{file} has lossy compression ({compression}): choose ZIP under Output › Codec and press Render Animation",
     "stale": "{frames:frame is} out of date: {reason}. Press Denoise Shot",
     "frames_are": "{frames:frame is}",
@@ -120,6 +120,9 @@ TEXTS = {
     "status_some_unrendered": "{count:is} not rendered",
     "status_to_do": "{count} to do",
     "status_wrong_size": "denoised at {columns} × {rows}, the scene renders {wanted_columns} × {wanted_rows}",
+    "status_rendered": "{count} of {total}",
+    "frames_from": "From {path}",
+    "frames_to": "To {path}",
     # The node, and why it passes the image through
     "node_there": "The compositor has a Temporal Denoise node already",
     "node_tree_linked": "The compositor nodes are linked from another file: add the node there",

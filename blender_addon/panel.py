@@ -88,7 +88,8 @@ class RENDER_PT_hush_folders(_HushPanel, bpy.types.Panel):
         layout.prop(scene.hush, "composite_format")
         column = layout.column(align=True)
         try:
-            lines = [f"From {path}" for path in shot.frame_patterns(scene)] + [f"To {shot.output_folder(scene)}"]
+            lines = [messages.text("frames_from", path=path) for path in shot.frame_patterns(scene)]
+            lines.append(messages.text("frames_to", path=shot.output_folder(scene)))
         except shot.ShotError as error:
             lines = [str(error)]
         for line in lines:
@@ -119,7 +120,7 @@ def _draw_render(layout: bpy.types.UILayout, state: status.ShotStatus | None) ->
     rendered = bool(state and state.total and state.rendered == state.total)
     row = _step(layout, rendered, "render.render", "2. Render Animation", animation=True)
     if state and state.total:
-        row.label(text=f"{state.rendered} of {state.total}")
+        row.label(text=messages.text("status_rendered", count=state.rendered, total=state.total))
 
 
 def _draw_denoise(layout: bpy.types.UILayout, scene: bpy.types.Scene, state: status.ShotStatus | None, width: float) -> None:

@@ -14,6 +14,7 @@ _PERIOD = 1.0
 _problems: dict[int, list] = {}
 _last = 0.0
 _wanted: float | None = None
+_for_panels = False
 
 
 def problems(scene: bpy.types.Scene) -> list | None:
@@ -21,9 +22,13 @@ def problems(scene: bpy.types.Scene) -> list | None:
     return _problems.get(scene.session_uid)
 
 
-def request(*, now: bool = False) -> None:
-    """Asks for a fresh look soon, or with `now` as soon as Blender rests. From any thread and while drawing: it only notes the time."""
-    global _wanted
+def request(*, now: bool = False, nodes_only: bool = False) -> None:
+    """Asks for a fresh look soon, or with `now` as soon as Blender rests. From any thread and while drawing: it only notes the time.
+
+    With `nodes_only` what the panels tell is not looked up.
+    """
+    global _wanted, _for_panels
+    _for_panels |= not nodes_only
     if now:
         _wanted = time.monotonic() + _REST
     elif _wanted is None:
@@ -39,10 +44,11 @@ def shot_changed(scene: bpy.types.Scene) -> None:
 
 
 def _tick() -> float:
-    global _wanted
+    global _wanted, _for_panels
     if _wanted is not None and time.monotonic() >= _wanted and not _is_busy():
-        _wanted = None
-        look()
+        nodes_only = not _for_panels
+        _wanted, _for_panels = None, False
+        look(nodes_only=nodes_only)
     return _TICK
 
 
@@ -52,12 +58,12 @@ def _is_busy() -> bool:
     return bpy.app.is_job_running("RENDER") or any(window.screen.is_animation_playing for window in windows)
 
 
-def look() -> None:
+def look(*, nodes_only: bool = False) -> None:
     """Looks at the disk and at what the open scenes show; from the main thread."""
     global _last
     changed = False
     scenes = list(dict.fromkeys(window.scene for window in bpy.context.window_manager.windows))
-    for scene in scenes:
+    for scene in () if nodes_only else scenes:
         before = status.last_known(scene)
         after = status.shot_status(scene)
         found = check.problems(scene)
