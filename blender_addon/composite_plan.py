@@ -11,7 +11,7 @@ from typing import Any
 
 import bpy
 
-from . import check, compat, composite_frames, composite_nodes, denoise, messages, node, shot
+from . import check, compat, composite_frames, composite_nodes, denoise, messages, shot
 
 _numbers = itertools.count(1)
 
@@ -44,7 +44,7 @@ class _Source:
 
     def work(self) -> dict[str, Any]:
         others = [scene.name for scene in bpy.data.scenes if scene != self.scene]
-        return {"scene": self.scene.name_full, "views": self.views, "size": node.render_size(self.scene), "others": others}
+        return {"scene": self.scene.name_full, "views": self.views, "size": shot.render_size(self.scene), "others": others}
 
 
 def folder(scene: bpy.types.Scene) -> Path:

@@ -15,8 +15,6 @@ from . import background, check, job, messages, prepare, refresh, shot
 
 _LAST_DIGITS = re.compile(r"\d+(?=\D*$)")
 _WORKER = Path(__file__).with_name("worker.py")
-# The view layer that Prepare Shot makes, also where Blender had to number it.
-_VECTOR_LAYER = re.compile(rf"{re.escape(prepare.VECTOR_LAYER)}(\.\d+)?")
 
 
 class DenoiseError(Exception):
@@ -60,42 +58,18 @@ def runs(scene: bpy.types.Scene, source: str = "", target: str = "", *, overwrit
 
 
 def settings(scene: bpy.types.Scene, file: Path | None) -> tuple[dict[str, Any], list[str]]:
-    """The scene's settings as `hush.denoise_sequence` and `hush.check_sequence` take them, and what is odd about them, in words.
-
-    What the files hold decides, and `file` is one of them: a view layer that Prepare Shot made gives the motion vectors and is not
-    denoised, also where the scene has it no more; layers that the files do not have, such as files of another scene, are left out.
-    """
-    vectors = shot.vector_layer(scene)
-    layers = [name for name in shot.layers(scene) if not _VECTOR_LAYER.fullmatch(name)]
-    there, strange = _layers_of(file), []
-    if there:
-        spare = [name for name in there if _VECTOR_LAYER.fullmatch(name)]
-        strange = [name for name in (*layers, vectors) if name and name not in there]
-        layers = [name for name in layers if name in there]
-        vectors = vectors if vectors in there else next(iter(spare), None)
-    text = f"{file.name} has no view layer {' and '.join(strange)}, only {', '.join(sorted(there))}" if strange else ""
-    chosen = {
-        "lam": shot.lambda_keys(scene),
-        "window": shot.window(scene),
-        "layers": layers,
-        "vector_layer": vectors,
-        "aovs": ["all"] if scene.hush.use_light_passes else [],
-        "keep_noisy": scene.hush.keep_noisy,
-    }
-    return chosen, [text] if text else []
-
-
-def _layers_of(file: Path | None) -> list[str]:
-    """The view layers in a file; none where it has no names for them, or cannot be read."""
+    """The scene's settings as `hush.denoise_sequence` takes them, fitted to one of the files, and what is odd about them, in words."""
+    chosen = shot.settings(scene)
     try:
         import hush
     except ImportError:
-        return []
+        return chosen, []
     try:
-        told = hush.inspect(str(file)) if file else {}
+        lacking = shot.fit_to_file(chosen, file, hush.inspect) if file else []
     except (OSError, ValueError, hush.HushError):
-        return []
-    return [layer["name"] for layer in told.get("layout", told).get("layers", ()) if layer["name"]]
+        # The library says what is the matter with the file when it comes to it.
+        return chosen, []
+    return chosen, [messages.text("layers_lacking", file=file.name, layers=" and ".join(lacking))] if lacking else []
 
 
 def _named(source: str) -> list[tuple[Path, list[int] | None]]:

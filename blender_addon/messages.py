@@ -42,6 +42,7 @@ TEXTS = {
     "lambda_driven": (
         "λ Noise to Keep follows {what}: its value now, {value:g}, is used for all frames. Keyframes are followed, so bake it to keys"
     ),
+    "lambda_driver_now": "λ has a driver or NLA strips: its value now is used for all frames",
     "lambda_outside": "λ Noise to Keep is {value:g} at frame {frame}: what is outside {low:g} to {high:g} is cut off",
     "frame_step": (
         "Frame Step is {step}: motion vectors point at the frame right beside, which is not rendered, so neighbours cannot help. "
@@ -72,10 +73,12 @@ TEXTS = {
         "Press Render Animation"
     ),
     "older_layer": "{file} has no view layer {layers}: it is of an earlier render. Press Render Animation",
-    "older_pass": "{file} was rendered before {passes} of {layer} was turned on: press Render Animation",
+    "older_pass": "{file} lacks {passes} of {layer}, turned on since it was rendered: press Render Animation",
     "lossy_file": "{file} has lossy compression ({compression}): choose ZIP under Output › Codec and press Render Animation",
     "stale": "{frames:frame is} out of date: {reason}. Press Denoise Shot",
+    "frames_are": "{frames:frame is}",
     "failed": "{frames:frame} could not be denoised: {reason}",
+    "layers_lacking": "{file} has no view layer {layers}: denoised without",
     # Composite Denoised
     "composite_no_nodes": "The scene has no compositor nodes: press Add Temporal Denoise Node",
     "composite_folder_same": "Composited frames would replace others in {folder}: choose another folder under Composited Frames",
@@ -152,6 +155,9 @@ TEXTS = {
     "status_some_unrendered": "{count:is} not rendered",
     "status_to_do": "{count} to do",
     "status_wrong_size": "denoised at {columns} × {rows}, the scene renders {wanted_columns} × {wanted_rows}",
+    "status_rendered": "{count} of {total}",
+    "frames_from": "From {path}",
+    "frames_to": "To {path}",
     # The node, and why it passes the image through
     "node_there": "The compositor has a Temporal Denoise node already",
     "node_tree_linked": "The compositor nodes are linked from another file: add the node there",
@@ -159,23 +165,23 @@ TEXTS = {
     "node_old": (
         "The Temporal Denoise node is of an earlier Hush and shows nothing: press Fix to replace it; its links and settings are kept"
     ),
-    "node_broken": "The inside of the node {node} is not as Hush made it, so it passes the image through: press Fix to make it anew",
+    "node_broken": (
+        "The inside of the node {node} was copied or changed since Hush made it, so it passes the image through: press Fix to make it anew"
+    ),
     "node_replaced": "{count:node} made anew",
-    "node_off": "{reason}: the image passes through",
-    "node_linked": "The node is linked from {file}",
-    "node_inside": "The inside of the node is not as Hush made it, press Check Shot",
-    "node_owners": "The scenes {scenes} use this node and have different frames, choose one as its Scene",
-    "node_stereo": "Stereo views are shown by Composite Denoised only",
-    "node_stretch": "Time stretching is on, which files of frames cannot follow, set Frame Mapping Old and New to the same",
-    "node_rendered": "This frame was rendered by itself and is newer than its file, press Render Animation",
-    "node_stale": "This frame is out of date ({reason}), press Denoise Shot",
-    "node_missing": "This frame is not denoised yet, press Denoise Shot",
-    "node_failed": "This frame could not be denoised ({reason})",
-    "node_unrendered": "This frame is not rendered, press Render Animation",
-    "node_layer": "The denoised frame has no view layer {layer}, choose another as the node's View Layer",
-    "node_rendering": "Renders show what they render",
-    "node_unknown": "The files have not been looked at yet",
-    "node_scene_gone": "The node is in no scene's compositor",
+    "node_off": "The image passes through: {reason}",
+    "node_linked": "the node is linked from {file}, and linked nodes show nothing; add one in this file",
+    "node_inside": "the inside of the node was copied or changed since Hush made it; press Check Shot and Fix",
+    "node_owners": "the scenes {scenes} use this node and have different frames; choose one as its Scene",
+    "node_stereo": "stereo views are put in by Composite Denoised only",
+    "node_stretch": "time is stretched, which files of frames cannot follow; set Time Stretching Old and New to the same",
+    "node_rendered": "this frame was rendered by itself and is newer than its file; press Render Animation, then Denoise Shot",
+    "node_stale": "this frame is out of date: {reason}; press Denoise Shot",
+    "node_missing": "this frame is not denoised yet; press Denoise Shot",
+    "node_failed": "this frame could not be denoised: {reason}",
+    "node_unrendered": "this frame is not rendered; press Render Animation",
+    "node_layer": "the denoised frame has no view layer {layer}; choose another as the node's View Layer",
+    "node_unknown": "its files have not been looked at yet",
 }
 
 # Why a denoised frame is not what denoising now would give, by `kind` of `hush.check_sequence`.

@@ -5,16 +5,21 @@
 import json
 import re
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import bpy
 
-from . import compat
+from . import compat, messages
 
 LAMBDA_MIN, LAMBDA_MAX = 1.0, 64.0
 _HASHES = re.compile(r"#+(?=[^#]*$)")
+# As Prepare Shot names it, also where Blender had to number it.
+_MADE_FOR_VECTORS = re.compile(r"Hush Vectors(\.\d+)?")
 _NUMBERED = re.compile(r"^(.*?)(-?\d+)(\D*)\.exr$", re.IGNORECASE)
 _sequences: dict[Path, tuple[int, list[str]]] = {}
+_layers: dict[Path, tuple[int, set[str]]] = {}
 
 
 class ShotError(Exception):
@@ -100,6 +105,74 @@ def layers(scene: bpy.types.Scene) -> list[str]:
     return [layer.name for layer in scene.view_layers if layer.use and layer.name != spare]
 
 
+def sequences(scene: bpy.types.Scene) -> list[dict[str, Any]]:
+    """The scene's shot as arguments of `hush.denoise_sequence` and `hush.check_sequence`, once for each sequence of files.
+
+    Raises:
+        ShotError: Blender cannot make a path of the scene's output setting.
+    """
+    frames, output = list(frame_range(scene)), str(output_folder(scene))
+    return [{"inputs": str(pattern), "output": output, "frames": frames, **settings(scene)} for pattern in frame_patterns(scene)]
+
+
+def settings(scene: bpy.types.Scene) -> dict[str, Any]:
+    """How the scene's frames are denoised, as arguments of `hush.denoise_sequence`: all that decides about the pixels."""
+    return {
+        "lam": lambda_keys(scene),
+        "window": window(scene),
+        "layers": layers(scene),
+        "vector_layer": vector_layer(scene),
+        "aovs": ["all"] if scene.hush.use_light_passes else [],
+        "keep_noisy": bool(scene.hush.keep_noisy),
+    }
+
+
+def drop_strange_layers(arguments: dict[str, Any], inspect: Callable[[str], dict[str, Any]]) -> None:
+    """Fits the arguments of `sequences` to the files that are there, as Denoise Shot does."""
+    pattern = Path(arguments["inputs"])
+    files = (frame_file(pattern, frame) for frame in arguments["frames"])
+    example = next((file for file in files if file.is_file() and file.stat().st_size), None)
+    if example is not None:
+        fit_to_file(arguments, example, inspect)
+
+
+def fit_to_file(arguments: dict[str, Any], file: Path, inspect: Callable[[str], dict[str, Any]]) -> list[str]:
+    """What the files hold decides about the view layers, and `file` is one of them; returns names that it lacks.
+
+    The layer that Prepare Shot made for the motion vectors gives them and is not denoised, also where the scene has it no more. Layers
+    that the file lacks are left out, as for files of another scene.
+    """
+    there = _layers_of(file, inspect)
+    asked = [*arguments["layers"], *filter(None, [arguments["vector_layer"]])]
+    made = sorted(name for name in there if _MADE_FOR_VECTORS.fullmatch(name))
+    arguments["layers"] = [name for name in arguments["layers"] if name in there and name not in made]
+    if arguments["vector_layer"] not in there:
+        arguments["vector_layer"] = next(iter(made), None)
+    return [name for name in asked if name not in there] if there != {""} else []
+
+
+def _layers_of(file: Path, inspect: Callable[[str], dict[str, Any]]) -> set[str]:
+    stamp = file.stat().st_mtime_ns
+    if file not in _layers or _layers[file][0] != stamp:
+        told = inspect(str(file))
+        _layers[file] = stamp, {layer["name"] for layer in told.get("layout", told).get("layers", [])}
+    return _layers[file][1]
+
+
+def render_size(scene: bpy.types.Scene) -> tuple[int, int] | None:
+    """The size the scene renders at, None where it is cropped to a border."""
+    render = scene.render
+    if render.use_border and render.use_crop_to_border:
+        return None
+    percentage = render.resolution_percentage
+    return render.resolution_x * percentage // 100, render.resolution_y * percentage // 100
+
+
+def is_relative(scene: bpy.types.Scene) -> bool:
+    """Whether the scene's folders move with its file."""
+    return any(path.startswith("//") for path in (scene.render.filepath, scene.hush.input_folder, scene.hush.output_folder))
+
+
 def window(scene: bpy.types.Scene) -> int | None:
     """Frames on each side that help; None to let the denoiser choose."""
     return None if scene.hush.window == "AUTO" else int(scene.hush.window)
@@ -166,10 +239,11 @@ def _render_pattern(scene: bpy.types.Scene, view: str) -> Path:
     try:
         one, two = (render.frame_path(frame=frame, view=view) for frame in (11111, 22222))
     except RuntimeError as error:
-        raise ShotError(f"The output path of the scene cannot be used: {str(error).removeprefix('Error: ').strip()}") from None
+        reason = str(error).removeprefix("Error: ").strip()
+        raise ShotError(messages.text("path", reason=reason)) from None
     differing = [i for i, (a, b) in enumerate(zip(one, two, strict=False)) if a != b]
     if not differing:
-        raise ShotError(f"The output path {one} has no frame number")
+        raise ShotError(messages.text("path_number", path=one))
     end = differing[-1] + 1
     runs = _HASHES.findall(re.split(r"[\\/]", render.filepath)[-1])
     width = len(runs[-1]) if runs else 4

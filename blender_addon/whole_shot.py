@@ -12,7 +12,7 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, StringProperty
 
-from . import background, check, composite, composite_nodes, denoise, exr, job, messages, node, prepare, refresh, shot
+from . import background, check, composite, composite_nodes, denoise, exr, job, messages, prepare, refresh, shot
 
 # What is wrong with frames that are there does not matter before they are rendered.
 _OF_FRAMES = {"first_frame", "frames", "older"}
@@ -26,7 +26,7 @@ class WholeShotError(Exception):
 def to_render(scene: bpy.types.Scene) -> list[int]:
     """The frames of which a file is not there, not whole or of another size than the scene renders."""
     exr.forget()
-    patterns, size = shot.frame_patterns(scene), node.render_size(scene)
+    patterns, size = shot.frame_patterns(scene), shot.render_size(scene)
 
     def is_there(frame: int) -> bool:
         sizes = {exr.size_if_whole(shot.frame_file(pattern, frame)) for pattern in patterns}
