@@ -9,6 +9,7 @@ import bpy
 
 from . import compat
 
+RENDER_LAYERS, CRYPTOMATTE = "CompositorNodeRLayers", "CompositorNodeCryptomatteV2"
 _FORM = "hush_form"
 _FIRST_FORM, _FIRST_NAME = "HushTemporalDenoiseNode", "Temporal Denoise"
 
@@ -28,6 +29,12 @@ def of_hush(node: bpy.types.Node) -> tuple[bpy.types.Scene | None, str] | None:
         scene = node.get("source_scene")
         return scene if isinstance(scene, bpy.types.Scene) else None, str(node.get("view_layer", ""))
     return None
+
+
+def shows_renders(node: bpy.types.Node, scene: bpy.types.Scene) -> bool:
+    """Whether a node shows what a scene renders."""
+    renders = node.bl_idname == RENDER_LAYERS or node.bl_idname == CRYPTOMATTE and node.source == "RENDER"
+    return renders and not node.mute and node.scene in (None, scene)
 
 
 def is_undefined(node: bpy.types.Node) -> bool:

@@ -77,7 +77,7 @@ def make(scene: bpy.types.Scene, *, allow_stale: bool) -> Plan:
                 some_denoised |= answer[number]["state"] in ("current", "stale")
         verdict = composite_frames.together(verdicts)
         if verdict.state:
-            names = [rendered.with_suffix(_suffix(scene)).name for rendered, _ in files[0]]
+            names = [shot.frame_file(pattern, frame).with_suffix(_suffix(scene)).name for pattern in shot.frame_patterns(scene)]
             pairs = [[(str(rendered), str(denoised)) for rendered, denoised in each] for each in files]
             plan.work["frames"].append({"frame": frame, "files": pairs, "names": names})
         else:
@@ -108,22 +108,20 @@ def _refuse(scene: bpy.types.Scene) -> None:
 
 
 def _nodes(scene: bpy.types.Scene) -> tuple[dict[str, dict[str, Any]], list[_Source]]:
-    """The nodes of Hush with the number of their source and their view layer, and the sources, the scene itself first."""
-    sources = [_source(scene)]
+    """The nodes of Hush with the number of their source and their view layer, and the sources: the scenes whose frames are needed."""
+    scenes: list[bpy.types.Scene] = []
     found = {}
     for tree, each in composite_nodes.reached(scene):
         shown = composite_nodes.of_hush(each)
-        if shown is None or each.mute:
-            continue
-        other = shown[0] or scene
-        numbers = [number for number, source in enumerate(sources) if source.scene == other]
-        if not numbers:
-            sources.append(_source(other))
-            numbers = [len(sources) - 1]
-        layers = shot.layers(other)
-        layer = shown[1] or (layers[0] if layers else "")
-        found[composite_nodes.key(tree, each)] = {"source": numbers[0], "layer": layer}
-    return found, sources
+        if shown is not None and not each.mute:
+            source = shown[0] or scene
+            layers = shot.layers(source)
+            scenes += [source] if source not in scenes else []
+            layer = shown[1] or (layers[0] if layers else "")
+            found[composite_nodes.key(tree, each)] = {"source": scenes.index(source), "layer": layer}
+        elif composite_nodes.shows_renders(each, scene) and scene not in scenes:
+            scenes.append(scene)
+    return found, [_source(each) for each in scenes or [scene]]
 
 
 def _source(scene: bpy.types.Scene) -> _Source:

@@ -12,8 +12,6 @@ import bpy
 
 from . import compat, composite_nodes, exr, messages
 
-_RENDER_LAYERS = "CompositorNodeRLayers"
-_CRYPTOMATTE = "CompositorNodeCryptomatteV2"
 _FILE_OUTPUT = "CompositorNodeOutputFile"
 _IMAGE_NAMES = ("Combined", "Image")
 
@@ -158,9 +156,9 @@ class Stage:
                 if told is not None:
                     self._replace(tree, each, told["source"], told["layer"], denoised=True)
         for each in list(tree.nodes):
-            if each.bl_idname == _RENDER_LAYERS:
+            if each.bl_idname == composite_nodes.RENDER_LAYERS:
                 self._replace_layers(tree, each)
-            elif each.bl_idname == _CRYPTOMATTE and each.source == "RENDER":
+            elif each.bl_idname == composite_nodes.CRYPTOMATTE and each.source == "RENDER":
                 source = self._source_of(each.scene)
                 if source is not None:
                     layer = each.layer_name
@@ -181,7 +179,7 @@ class Stage:
             raise FrameError(messages.text("composite_addon_node", node=each.name))
 
     def _source_of(self, scene: bpy.types.Scene | None) -> int | None:
-        return 0 if scene in (None, self._scene) else self._sources.get(scene.name_full)
+        return self._sources.get((scene or self._scene).name_full)
 
     def _replace_layers(self, tree: bpy.types.NodeTree, layers: bpy.types.Node) -> None:
         source = self._source_of(layers.scene)

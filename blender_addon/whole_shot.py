@@ -46,15 +46,15 @@ def runs(frames: list[int], step: int) -> list[tuple[int, int]]:
     return found
 
 
-def begin(scene: bpy.types.Scene, *, render_again: bool) -> tuple[list[int], list[int]]:
-    """Prepares the scene and returns the frames to render and those that are kept.
+def begin(scene: bpy.types.Scene, *, render_again: bool) -> tuple[list[int], list[str]]:
+    """Prepares the scene and returns the frames to render, and in words what was changed and which frames are kept.
 
     Raises:
         WholeShotError: The scene cannot be rendered or denoised so.
     """
     try:
         job.refuse_second()
-        prepare.apply(scene)
+        changes = prepare.apply(scene)
         check.forget()
         wrong = [each for each in check.problems(scene, fresh=True) if each.level == check.ERROR and each.key not in _OF_FRAMES]
         if wrong:
@@ -65,7 +65,9 @@ def begin(scene: bpy.types.Scene, *, render_again: bool) -> tuple[list[int], lis
     # Frames of a folder of their own are rendered elsewhere.
     if todo and scene.hush.input_folder:
         raise WholeShotError(messages.text("unrendered", frames=todo))
-    return todo, [frame for frame in shot.frame_range(scene) if frame not in todo]
+    told = [messages.text("prepared", changes="; ".join(changes))] if changes else []
+    kept = [frame for frame in shot.frame_range(scene) if frame not in todo]
+    return todo, [*told, messages.text("whole_kept", frames=kept)] if kept else told
 
 
 def has_node(scene: bpy.types.Scene) -> bool:
@@ -202,13 +204,13 @@ class HUSH_OT_whole_shot(background.JobOperator, bpy.types.Operator):
         if scene is None:
             return None
         try:
-            self._todo, kept = begin(scene, render_again=self.render_again)
+            self._todo, told = begin(scene, render_again=self.render_again)
         except WholeShotError as error:
             self.report({"ERROR"}, str(error))
             return None
         self._runs = runs(self._todo, max(1, scene.frame_step))
-        if kept:
-            self.report({"INFO"}, messages.text("whole_kept", frames=kept))
+        for text in told:
+            self.report({"INFO"}, text)
         return scene
 
     def _render_next(self, scene: bpy.types.Scene) -> None:

@@ -114,6 +114,15 @@ def test_the_denoised_frames_reach_the_output() -> None:
             kit.assert_differs(made, combined(folder / name), 0.005)
 
 
+def test_the_node_as_it_is_added() -> None:
+    scene, folder = denoised_scene("added")
+    assert bpy.ops.hush.add_node() == {"FINISHED"}
+    assert untouched() == {"FINISHED"}
+    for name in kit.files(folder / "composited"):
+        kit.assert_close(plain(folder / "composited" / name), combined(folder / "denoised" / name), HALF, name)
+    assert len(kit.files(folder / "composited")) == 3
+
+
 def test_the_node_of_the_first_form_is_replaced_too() -> None:
     scene, folder = denoised_scene("first-form")
     tree, layers, result = tree_of(scene)
@@ -251,25 +260,23 @@ def test_two_scenes_with_one_output_path() -> None:
 
 
 def test_a_node_may_show_another_scene() -> None:
-    """Its settings are `tree.hush`, or those of the first form."""
     scene, folder = denoised_scene("shown", frames=2)
-    plan_nodes, frames = importlib.import_module(f"{kit.MODULE}.composite_nodes"), folder
     other = bpy.data.scenes.new("Comp")
     other.render.resolution_x, other.render.resolution_y, other.render.resolution_percentage = 96, 54, 100
-    other.frame_start, other.frame_end, other.render.filepath = 1, 2, str(kit.folder("comp-out") / "frame_####")
-    other.hush.input_folder = str(frames)
-    tree, layers, _ = tree_of(other, node=True)
-    layers.scene = scene
-    real = plan_nodes.of_hush
-    plan_nodes.of_hush = lambda node: (scene, "") if real(node) is not None else None
-    try:
-        plan = composite_plan.make(scene, allow_stale=False) if compat.compositor_tree(scene) else None
-        assert plan is None
-        nodes, sources = composite_plan._nodes(other)
-    finally:
-        plan_nodes.of_hush = real
-    assert [source.scene.name for source in sources] == ["Comp", "Scene"]
-    assert [(told["source"], told["layer"]) for told in nodes.values()] == [(1, "ViewLayer")]
+    target = kit.folder("shown-comp")
+    other.frame_start, other.frame_end, other.render.filepath = 1, 2, str(target / "comp_####")
+    bpy.context.window.scene = other
+    assert bpy.ops.hush.add_node() == {"FINISHED"}
+    nodes = compat.compositor_tree(other).nodes
+    next(each for each in nodes if getattr(each, "node_tree", None)).node_tree.hush.scene = scene
+    next(each for each in nodes if each.bl_idname == "CompositorNodeRLayers").scene = scene
+    assert untouched() == {"FINISHED"}
+    assert kit.files(target / "composited") == ["comp_0001.exr", "comp_0002.exr"]
+    for frame in (1, 2):
+        made, wanted = target / "composited" / f"comp_{frame:04d}.exr", folder / "denoised" / f"frame_{frame:04d}.exr"
+        kit.assert_close(plain(made), combined(wanted), HALF, made.name)
+    rendered_again(folder, "frame_0001.exr")
+    refused("out of date")
 
 
 def test_names_are_those_of_the_rendered_frames() -> None:
