@@ -4,6 +4,7 @@
 
 import os
 from collections.abc import Iterator
+from typing import Any
 
 import bpy
 
@@ -26,8 +27,8 @@ def of_hush(node: bpy.types.Node) -> tuple[bpy.types.Scene | None, str] | None:
     if node.bl_idname == _FIRST_FORM:
         return getattr(node, "source_scene", None), getattr(node, "view_layer", "")
     if is_undefined(node) and _looks_like_the_first_form(node):
-        scene = node.get("source_scene")
-        return scene if isinstance(scene, bpy.types.Scene) else None, str(node.get("view_layer", ""))
+        scene = _kept(node).get("source_scene")
+        return scene if isinstance(scene, bpy.types.Scene) else None, str(_kept(node).get("view_layer") or "")
     return None
 
 
@@ -43,9 +44,15 @@ def is_undefined(node: bpy.types.Node) -> bool:
 
 
 def _looks_like_the_first_form(node: bpy.types.Node) -> bool:
-    """Blender 5 shows nothing of it but its name and sockets."""
+    """Blender tells no name of an unknown class, so its sockets, its own name and its properties must do."""
     sockets = [socket.name for socket in node.inputs], [socket.name for socket in node.outputs]
-    return node.name.startswith(_FIRST_NAME) and sockets == (["Image"], ["Image"])
+    known = node.name.split(".")[0] == _FIRST_NAME or {"source_scene", "view_layer"} & set(_kept(node).keys())
+    return sockets == (["Image"], ["Image"]) and bool(known)
+
+
+def _kept(node: bpy.types.Node) -> Any:  # noqa: ANN401 (a mapping of Blender's)
+    """The properties that an unknown node keeps."""
+    return (node.bl_system_properties_get() or {}) if hasattr(node, "bl_system_properties_get") else node
 
 
 def key(tree: bpy.types.NodeTree, node: bpy.types.Node) -> str:

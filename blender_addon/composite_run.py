@@ -7,6 +7,7 @@ Events: `start` (`frames`), `working` (`frame`), `warning` (`message`), and `fra
 """
 
 import os
+import shutil
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -24,7 +25,8 @@ _Judged = list[list[composite_frames.Verdict]]
 def run(work: Work, tell: Callable[[dict[str, Any]], None], stopped: threading.Event) -> None:
     """Opens the copy and composites the frames of the job, until `stopped`."""
     bpy.ops.wm.open_mainfile(filepath=work["blend"], load_ui=False, use_scripts=work["scripts"])
-    os.remove(work["blend"])
+    # Both processes see to it that the copy goes: this one also where the other is gone.
+    shutil.rmtree(os.path.dirname(work["blend"]), ignore_errors=True)
     warn = lambda text: tell({"event": "warning", "message": text})
     if bpy.app.autoexec_fail:
         warn(messages.text("composite_scripts"))
