@@ -11,7 +11,7 @@ from typing import Any
 
 import bpy
 
-from . import check, compat, composite_frames, composite_nodes, denoise, messages, shot
+from . import check, compat, composite_frames, composite_nodes, messages, shot
 
 _numbers = itertools.count(1)
 
@@ -128,7 +128,7 @@ def _source(scene: bpy.types.Scene) -> _Source:
     patterns, output = shot.frame_patterns(scene), shot.output_folder(scene)
     views = []
     for pattern in patterns:
-        settings, _ = denoise.settings(scene, denoise.example(pattern))
+        settings, _ = shot.settings(scene, shot.example(pattern))
         views.append({"inputs": str(pattern), "output": str(output), "settings": settings})
     return _Source(scene, patterns, output, views)
 

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Denoise Shot: the frames of the scene, or of files that are named, in the background or, in scripts, until they are done."""
 
-import glob
 import re
 import time
 from pathlib import Path
@@ -50,26 +49,11 @@ def runs(scene: bpy.types.Scene, source: str = "", target: str = "", *, overwrit
         _check_output(inputs, output, target)
     made = []
     for inputs, frames in sequences:
-        common, warnings = settings(scene, example(inputs))
+        common, warnings = shot.settings(scene, shot.example(inputs))
         threads = scene.render.threads if scene.render.threads_mode == "FIXED" else None
         there = {"inputs": str(inputs), "output": str(output), "frames": frames, "overwrite": overwrite, "threads": threads}
         made.append({"arguments": {**there, **common}, "warnings": warnings})
     return made
-
-
-def settings(scene: bpy.types.Scene, file: Path | None) -> tuple[dict[str, Any], list[str]]:
-    """The scene's settings as `hush.denoise_sequence` takes them, fitted to one of the files, and what is odd about them, in words."""
-    chosen = shot.settings(scene)
-    try:
-        import hush
-    except ImportError:
-        return chosen, []
-    try:
-        lacking = shot.fit_to_file(chosen, file, hush.inspect) if file else []
-    except (OSError, ValueError, hush.HushError):
-        # The library says what is the matter with the file when it comes to it.
-        return chosen, []
-    return chosen, [messages.text("layers_lacking", file=file.name, layers=" and ".join(lacking))] if lacking else []
 
 
 def _named(source: str) -> list[tuple[Path, list[int] | None]]:
@@ -116,12 +100,6 @@ def _check_output(inputs: Path, output: Path, target: str) -> None:
 
 def _without_number(name: str) -> str:
     return _LAST_DIGITS.sub("#", name.replace("#", "0"))
-
-
-def example(inputs: Path) -> Path | None:
-    """One of the files, to see which view layers they have."""
-    name = "*.exr" if inputs.is_dir() else re.sub(r"#+", "*", glob.escape(inputs.name))
-    return next((path for path in sorted(_folder_of(inputs).glob(name)) if path.is_file() and path.stat().st_size), None)
 
 
 def start(scene: bpy.types.Scene, source: str = "", target: str = "", *, overwrite: bool = False) -> "DenoiseJob":

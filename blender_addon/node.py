@@ -18,6 +18,8 @@ _GROUP = "CompositorNodeGroup"
 # A node of Hush 0.1 was of a Python class of this name, which is unknown now.
 _OLD, _UNKNOWN = "HushTemporalDenoiseNode", "NodeUndefined"
 _why: dict[int, str] = {}
+# By tree that shows a frame: its scene's name and what that asked for.
+_asked: dict[int, tuple[str, object]] = {}
 # By scene and frame: the stamp of its file when the frame was rendered last.
 _rendered: dict[tuple[int, int], tuple[int, int] | None] = {}
 
@@ -61,6 +63,15 @@ def sync(*scenes: bpy.types.Scene) -> None:
             if tree not in done:
                 done.add(tree)
                 _sync_tree(tree, scene)
+
+
+def settings_changed() -> bool:
+    """Whether a scene has other settings than when its frame was shown; without a look at the disk."""
+    for tree in _local_trees():
+        name, asked = _asked.get(tree.session_uid, ("", None)) if is_on(tree) else ("", None)
+        if asked is not None and (name not in bpy.data.scenes or _settings(bpy.data.scenes[name]) != asked):
+            return True
+    return False
 
 
 def pass_through() -> None:
@@ -108,6 +119,7 @@ def forget() -> None:
     """Another file was opened."""
     inside.forget()
     _why.clear()
+    _asked.clear()
     _rendered.clear()
 
 
@@ -199,7 +211,14 @@ def _show(tree: bpy.types.NodeTree, scene: bpy.types.Scene) -> str | None:
     layers = (tree.hush.view_layer,) if tree.hush.view_layer else tuple(shot.layers(source))
     if not inside.show(tree, frame, inside.Picture(known.output, stamp, layers, shot.is_relative(source))):
         return messages.text("node_layer", layer=" or ".join(layers))
+    _asked[tree.session_uid] = source.name, _settings(source)
     return None
+
+
+def _settings(scene: bpy.types.Scene) -> object:
+    hush, render = scene.hush, scene.render
+    paths = render.filepath, hush.input_folder, hush.output_folder, hush.vector_layer
+    return shot.settings(scene, None)[0], paths, shot.render_size(scene), render.use_multiview
 
 
 def _files(scene: bpy.types.Scene) -> object:

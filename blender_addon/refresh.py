@@ -10,9 +10,10 @@ from . import check, node, status
 
 # How often the timer asks whether there is something to do, and how long the playhead must rest before a frame is read.
 _TICK, _REST = 0.1, 0.15
-_PERIOD = 1.0
+# How often what is drawn is looked up, in seconds and in times of what the last look took.
+_PERIOD, _TIMES = 1.0, 50.0
 _problems: dict[int, list] = {}
-_last = 0.0
+_last = _took = 0.0
 _wanted: float | None = None
 _for_panels = False
 
@@ -32,7 +33,7 @@ def request(*, now: bool = False, nodes_only: bool = False) -> None:
     if now:
         _wanted = time.monotonic() + _REST
     elif _wanted is None:
-        _wanted = max(time.monotonic(), _last + _PERIOD)
+        _wanted = max(time.monotonic(), _last + max(_PERIOD, _TIMES * _took))
 
 
 def shot_changed(scene: bpy.types.Scene) -> None:
@@ -60,7 +61,8 @@ def _is_busy() -> bool:
 
 def look(*, nodes_only: bool = False) -> None:
     """Looks at the disk and at what the open scenes show; from the main thread."""
-    global _last
+    global _last, _took
+    began = time.monotonic()
     changed = False
     scenes = list(dict.fromkeys(window.scene for window in bpy.context.window_manager.windows))
     for scene in () if nodes_only else scenes:
@@ -72,6 +74,7 @@ def look(*, nodes_only: bool = False) -> None:
     before_nodes = _shown(scenes)
     node.sync(*scenes)
     _last = time.monotonic()
+    _took = _last - began
     if changed or before_nodes != _shown(scenes):
         redraw()
 

@@ -138,10 +138,8 @@ def _ask(scene: bpy.types.Scene, sequences: list[dict[str, Any]], numbers: Itera
     size = shot.render_size(scene)
     found: dict[int, list[Frame]] = {number: [] for number in numbers}
     for arguments in sequences:
-        asked = arguments | {"frames": list(found)}
         try:
-            shot.drop_strange_layers(asked, hush.inspect)
-            told = _check.check(**asked)
+            told = _check.check(**arguments | {"frames": list(found)})
         except (OSError, ValueError, TypeError, hush.HushError) as error:
             raise StatusError(messages.of_error(error)) from None
         for entry in told["frames"]:

@@ -284,7 +284,7 @@ def test_after_undo_prepare_the_files_still_give_the_vectors() -> None:
     assert entry["settings"]["vector_layer"] == "Hush Vectors" and helped(entry) == [1, 3]
     # A layer of that name without the record of Prepare Shot, as in a copy of the scene.
     scene.view_layers.new("Hush Vectors")
-    settings, _ = denoise.settings(scene, frames / "frame_0001.exr")
+    settings, _ = importlib.import_module(f"{kit.MODULE}.shot").settings(scene, frames / "frame_0001.exr")
     assert settings["layers"] == ["ViewLayer"] and settings["vector_layer"] == "Hush Vectors", settings
 
 

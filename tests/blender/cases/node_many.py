@@ -147,8 +147,10 @@ def test_the_node_goes_between_what_was_linked() -> None:
     viewer = tree.nodes.new("CompositorNodeViewer")
     (layers,) = (node for node in tree.nodes if node.bl_idname == "CompositorNodeRLayers")
     tree.links.new(layers.outputs["Image"], viewer.inputs[0])
+    before = {link.to_node for link in layers.outputs["Image"].links}
     assert bpy.ops.hush.add_node() == {"FINISHED"}
     (node,) = frames.module("node").nodes(scene)
-    assert node.inputs[0].links[0].from_socket == layers.outputs["Image"]
-    assert {link.to_node for link in node.outputs[0].links} == {viewer, output(scene).node}
+    assert viewer in before and node.inputs[0].links[0].from_socket == layers.outputs["Image"]
+    assert {link.to_node for link in node.outputs[0].links} == before
+    assert {link.to_node for link in layers.outputs["Image"].links} == {node}
     assert bpy.ops.hush.add_node() == {"CANCELLED"}

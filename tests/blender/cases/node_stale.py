@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -148,6 +149,40 @@ def test_a_look_finds_what_changed() -> None:
     scene.hush.lam = 7.0
     refresh.look()
     assert not frames.module("node").is_on(node.node_tree)
+
+
+def test_the_timer_follows_what_happens() -> None:
+    """A change of the frame, of a setting, and the end of a render each have the node looked at, when Blender rests."""
+    shot, scene, tree = prepared("timer")
+    refresh, node = frames.module("refresh"), frames.module("node")
+    busy = [False]
+    real, refresh._is_busy = refresh._is_busy, lambda: busy[0]
+
+    def rest() -> None:
+        time.sleep(refresh._REST + 0.05)
+        refresh._tick()
+
+    try:
+        rest()
+        scene.frame_set(2)
+        assert frames.module("inside").shown_frame(tree) != 2
+        busy[0] = True
+        rest()
+        assert frames.module("inside").shown_frame(tree) != 2, "nothing is changed while frames are rendered or played"
+        busy[0] = False
+        rest()
+        assert frames.module("inside").shown_frame(tree) == 2
+        scene.hush.lam = 12.0
+        bpy.context.view_layer.update()
+        rest()
+        assert not node.is_on(tree), "a setting changed by a script"
+        scene.hush.lam = 1.0
+        frames.render(scene, 2, kit.folder("out"))
+        assert not node.is_on(tree)
+        rest()
+        assert node.is_on(tree), "after the render"
+    finally:
+        refresh._is_busy = real
 
 
 def test_the_disk_is_not_asked_all_the_time() -> None:

@@ -155,22 +155,22 @@ def test_status_after_a_run_that_was_stopped() -> None:
 
     shot = kit.copy_of_shot("stopped")
     scene = kit.build_scene(render_to=shot)
-    pattern, output = str(shot / "frame_####.exr"), str(shot / "denoised")
-    hush.denoise_sequence(pattern, output)
+    frames.denoise(scene)
     assert told(scene) == "5 of 5 frames denoised"
     scene.hush.lam = 8.0
+    (arguments,) = frames.module("shot").sequences(scene)
     written: list[int] = []
 
     def count(event: dict) -> None:
         if event["event"] == "frame":
             written.append(event["frame"])
 
-    stopped = hush.denoise_sequence(pattern, output, lam=8.0, progress=count, cancel=lambda: len(written) >= 2)
+    stopped = hush.denoise_sequence(**arguments, progress=count, cancel=lambda: len(written) >= 2)
     assert stopped["interrupted"] and 2 <= len(written) < 5, (stopped, written)
     left = 5 - len(written)
     text = told(scene)
     assert text.startswith(f"{len(written)} of 5 frames denoised, {left} {'is' if left == 1 else 'are'} out of date: "), text
-    hush.denoise_sequence(pattern, output, lam=8.0)
+    frames.denoise(scene)
     assert told(scene) == "5 of 5 frames denoised"
 
 
