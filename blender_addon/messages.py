@@ -221,6 +221,10 @@ _FOR_ARTISTS = (
     (r"leave --aov all out", "turn Light Passes off"),
     (r"\(--aov\)", "(Light Passes)"),
     (r"pass --output, or set output in hush\.toml", "choose a folder under Denoised Frames"),
+    (
+        r"choose another output folder or set overwrite to true to replace (?:what is there|them)",
+        "choose another folder under Denoised Frames, or delete them",
+    ),
     (r"pass --overwrite to replace them", "choose another folder under Denoised Frames, or delete them"),
     (r"pass --enable to denoise it all the same", "ask who prepared the shot"),
     # What has no field in Blender is left out.
