@@ -2,13 +2,25 @@
 # SPDX-License-Identifier: Apache-2.0
 """Hush: temporal denoising of Cycles animations, as a Blender extension."""
 
-import atexit
 import importlib
 import sys
 from types import ModuleType
 
 # Those with something to register, in this order: properties first, as the rest draws and reads them.
-_NAMES = ("properties", "prepare", "check", "denoise", "composite", "preview", "node", "menus", "panel", "handlers")
+_NAMES = (
+    "properties",
+    "prepare",
+    "check",
+    "denoise",
+    "composite",
+    "whole_shot",
+    "preview",
+    "node",
+    "fixes",
+    "menus",
+    "panel",
+    "handlers",
+)
 _registered: list[ModuleType] = []
 # Blender runs this file again when it reloads the extension, but none of the others.
 _stale = f"{__package__}.properties" in sys.modules
@@ -33,12 +45,9 @@ def register() -> None:
     except Exception:
         unregister()
         raise
-    # Blender 4.5 hangs at exit while a Python node class is still registered.
-    atexit.register(unregister)
 
 
 def unregister() -> None:
     """Takes back whatever is registered, last first; harmless when nothing is."""
-    atexit.unregister(unregister)
     while _registered:
         _registered.pop().unregister()

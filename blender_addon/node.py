@@ -1,85 +1,152 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
 # SPDX-License-Identifier: Apache-2.0
-"""The compositor node that shows the denoised frames, and the incoming image where there are none."""
+"""The Temporal Denoise node: where it is, and what it shows: the denoised frame if that is current, else the incoming image.
+
+It never shows a denoised frame in what is rendered or saved; `handlers.py` sees to that.
+"""
 
 import os
-import re
-import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
-from bpy.props import PointerProperty, StringProperty
 
-from . import compat, exr, inside, shot
+from . import compat, inside, messages, shot, status
 
-# Blender's own highest frame number.
-_LAST_FRAME = 1048574
-IDNAME, LABEL, ICON = "HushTemporalDenoiseNode", "Temporal Denoise", "SHADERFX"
+LABEL, ICON = inside.NAME, "SHADERFX"
+_GROUP = "CompositorNodeGroup"
+# A node of Hush 0.1 was of a Python class of this name, which is unknown now.
+_OLD, _UNKNOWN = "HushTemporalDenoiseNode", "NodeUndefined"
 _why: dict[int, str] = {}
-_plans: dict[int, "_Plan"] = {}
-_classes: list[type] = []
+# By tree that shows a frame: its scene's name and what that asked for.
+_asked: dict[int, tuple[str, object]] = {}
+# By scene and frame: the stamp of its file when the frame was rendered last.
+_rendered: dict[tuple[int, int], tuple[int, int] | None] = {}
 
 
-def _retarget(self: "TemporalDenoise", context: bpy.types.Context) -> None:
-    owners = [scene for scene in bpy.data.scenes if any(node == self for node in nodes(scene))]
-    sync_node(self, (owners or [context.scene])[0])
-
-
-class TemporalDenoise:
-    """Shows the denoised frames of the shot. Where a frame is not denoised yet, the image passes through"""
-
-    bl_idname = IDNAME
-    bl_label = LABEL
-    bl_icon = ICON
-    bl_width_default = 240
-    bl_width_min = 180
-
-    source_scene: PointerProperty(
-        type=bpy.types.Scene,
-        name="Scene",
-        description="Scene whose denoised frames to show. Empty: the scene that is composited",
-        update=_retarget,
-    )
-    view_layer: StringProperty(
-        name="View Layer",
-        description="View layer to show. Empty: the first one that is rendered",
-        update=_retarget,
-    )
-
-    @classmethod
-    def poll(cls, tree: bpy.types.NodeTree) -> bool:
-        """Only in the compositor."""
-        return tree.bl_idname == "CompositorNodeTree"
-
-    def init(self, context: bpy.types.Context) -> None:
-        """Each node has a tree of its own inside, so that it can show its own files."""
-        self.node_tree = inside.build([""])
-
-    def copy(self, original: bpy.types.Node) -> None:
-        """A copy gets its own inner tree."""
-        self.node_tree = inside.own_copy(original.node_tree) if original.node_tree else inside.build([""])
-
-    def free(self) -> None:
-        """Takes the inner tree along when the node is deleted."""
-        tree = self.node_tree
-        if tree is not None and tree.library is None and inside.users(tree) <= 1:
-            inside.remove(tree)
-
-    def draw_label(self) -> str:
-        """The name in the node's header."""
-        return self.bl_label
-
-    def draw_buttons(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
-        """The shot's settings and how far it is."""
-        from . import panel
-
-        panel.draw_node(self, context, layout)
-
-
-def nodes(scene: bpy.types.Scene) -> Iterator[TemporalDenoise]:
+def nodes(scene: bpy.types.Scene) -> Iterator[bpy.types.Node]:
     """Every Temporal Denoise node that the scene's compositor reaches, also inside groups."""
+    return (node for node in _all_nodes(scene) if node.bl_idname == _GROUP and inside.is_one(node.node_tree))
+
+
+def trees(scene: bpy.types.Scene) -> list[bpy.types.NodeTree]:
+    """The trees of these nodes, each once."""
+    return list(dict.fromkeys(node.node_tree for node in nodes(scene)))
+
+
+def owners(tree: bpy.types.NodeTree) -> list[bpy.types.Scene]:
+    """The scenes whose compositor reaches the tree."""
+    return [scene for scene in bpy.data.scenes if tree in trees(scene)]
+
+
+def new(parent: bpy.types.NodeTree) -> bpy.types.Node:
+    """Adds a node, with a tree and an image of its own."""
+    node = parent.nodes.new(_GROUP)
+    node.node_tree = inside.build()
+    node.name, node.width = LABEL, 240
+    return node
+
+
+def are_there() -> bool:
+    """Whether the file has any such node."""
+    return any(inside.is_one(tree) for tree in bpy.data.node_groups)
+
+
+def sync(*scenes: bpy.types.Scene) -> None:
+    """Shows the denoised frame in the scenes' nodes where it is current, else the incoming image. From the main thread, not in a render.
+
+    Of scenes that share a node the first one counts. Costs a look at a file or two a node, and no compositing where nothing changed.
+    """
+    done = set()
+    for scene in scenes:
+        for tree in trees(scene):
+            if tree not in done:
+                done.add(tree)
+                _sync_tree(tree, scene)
+
+
+def settings_changed() -> bool:
+    """Whether a scene has other settings than when its frame was shown; without a look at the disk."""
+    for tree in _local_trees():
+        name, asked = _asked.get(tree.session_uid, ("", None)) if is_on(tree) else ("", None)
+        if asked is not None and (name not in bpy.data.scenes or _settings(bpy.data.scenes[name]) != asked):
+            return True
+    return False
+
+
+def pass_through() -> None:
+    """Has every node pass its input through in what is rendered from now on. From any thread; cheap."""
+    for tree in _local_trees():
+        inside.pass_through(tree)
+
+
+def suspend() -> dict[str, int]:
+    """Takes what the nodes show out of the file, as before it is saved; returns it for `resume`."""
+    shown = {tree.name: frame for tree in _local_trees() if (frame := inside.shown_frame(tree)) is not None}
+    for tree in _local_trees():
+        inside.hide(tree)
+    return shown
+
+
+def resume(shown: dict[str, int]) -> None:
+    """Shows again what `suspend` took away."""
+    for tree in _local_trees():
+        if tree.name in shown:
+            inside.resume(tree, shown[tree.name])
+
+
+def is_on(tree: bpy.types.NodeTree) -> bool:
+    """Whether a node's tree shows a denoised frame."""
+    return inside.shown_frame(tree) is not None
+
+
+def why_off(tree: bpy.types.NodeTree) -> str:
+    """Why it does not, in words."""
+    return _why.get(tree.session_uid) or messages.text("node_unknown")
+
+
+def frame_is_rendered(scene: bpy.types.Scene) -> None:
+    """Remembers what the files of the current frame were when it began to be rendered: unless they change, the picture is newer."""
+    for source in {scene, *(tree.hush.scene for tree in trees(scene) if tree.hush.scene)}:
+        try:
+            file = shot.frame_file(shot.frame_pattern(source), scene.frame_current)
+        except shot.ShotError:
+            continue
+        _rendered[source.session_uid, scene.frame_current] = _stamp(file)
+
+
+def forget() -> None:
+    """Another file was opened."""
+    inside.forget()
+    _why.clear()
+    _asked.clear()
+    _rendered.clear()
+
+
+def faults(scene: bpy.types.Scene) -> Iterator[tuple[str, str]]:
+    """What `repair` would mend, as keys of messages with the node's name."""
+    for node in _all_nodes(scene):
+        if _is_old(node):
+            yield "node_old", node.name
+        elif _is_broken(node):
+            yield "node_broken", node.name
+
+
+def repair(scene: bpy.types.Scene) -> int:
+    """Replaces nodes of earlier versions of Hush, their links kept, and makes anew what is inside of broken ones. Returns how many."""
+    count = 0
+    for node in list(_all_nodes(scene)):
+        if _is_old(node) and not _is_linked(node):
+            _replace(node)
+        elif _is_broken(node):
+            inside.fill(node.node_tree)
+        else:
+            continue
+        count += 1
+    return count
+
+
+def _all_nodes(scene: bpy.types.Scene) -> Iterator[bpy.types.Node]:
     waiting = [compat.compositor_tree(scene)]
     seen = set()
     while waiting:
@@ -88,218 +155,126 @@ def nodes(scene: bpy.types.Scene) -> Iterator[TemporalDenoise]:
             continue
         seen.add(tree)
         for node in tree.nodes:
-            if node.bl_idname == IDNAME:
-                yield node
-            elif getattr(node, "node_tree", None) is not None:
-                waiting.append(node.node_tree)
+            yield node
+            if not inside.is_one(getattr(node, "node_tree", None)):
+                waiting.append(getattr(node, "node_tree", None))
 
 
-def sync(scene: bpy.types.Scene, *, fresh: bool = False, reload: bool = False) -> None:
-    """Points the scene's nodes at its denoised frames. Only from the main thread; cheap where nothing changed.
-
-    `fresh` looks at each file; `reload` also reads the pixels again, as after denoising.
-    """
-    if reload:
-        forget()
-    for node in nodes(scene):
-        sync_node(node, scene, fresh=fresh, reload=reload)
+def _local_trees() -> list[bpy.types.NodeTree]:
+    return [tree for tree in bpy.data.node_groups if tree.library is None and inside.is_one(tree)]
 
 
-def sync_node(node: TemporalDenoise, scene: bpy.types.Scene, *, fresh: bool = False, reload: bool = False) -> None:
-    """Points one node at the frames of its scene."""
-    if node.id_data.library is not None:
+def _is_linked(node: bpy.types.Node) -> bool:
+    return node.id_data.library is not None or getattr(node, "node_tree", None) is not None and node.node_tree.library is not None
+
+
+def _is_broken(node: bpy.types.Node) -> bool:
+    is_ours = node.bl_idname == _GROUP and inside.is_one(node.node_tree)
+    return is_ours and not _is_linked(node) and not inside.is_sound(node.node_tree)
+
+
+def _sync_tree(tree: bpy.types.NodeTree, scene: bpy.types.Scene) -> None:
+    if tree.library is not None:
+        _why[tree.session_uid] = messages.text("node_linked", file=tree.library.filepath)
         return
-    source = node.source_scene or scene
-    tree, views = node.node_tree, shot.stereo_views(source)
-    if not inside.is_sound(tree, views):
-        node.node_tree = inside.build(views)
-        if tree is not None and inside.users(tree) == 0:
-            inside.remove(tree)
-    elif inside.users(tree) > 1:
-        node.node_tree = inside.own_copy(tree)
-    tree = node.node_tree
-    plan = _plan_of(source, fresh=fresh or reload)
-    if plan.files:
-        for view, name in zip(views, inside.names(views), strict=True):
-            _show(node, source, tree.nodes[name], view, plan, reload=reload)
-    wrong = plan.reason or (None if inside.is_linked(tree, views) else "The denoised frames do not have this view layer")
-    _why[tree.session_uid] = wrong or ""
-    inside.show_frames(tree, [] if wrong else plan.files, scene.frame_current)
+    reason = _show(tree, scene)
+    _why[tree.session_uid] = reason or ""
+    if reason:
+        inside.hide(tree)
 
 
-def is_on(node: TemporalDenoise) -> bool:
-    """Whether the node shows a denoised frame at the current frame of the open scene."""
-    images = [each for each in node.node_tree.nodes if each.name.startswith(inside.FRAMES)] if node.node_tree else []
-    return any(image.frame_offset == inside.HERE for image in images)
-
-
-def why_off(node: TemporalDenoise) -> str:
-    """Why it does not, in words."""
-    return (_why.get(node.node_tree.session_uid) if node.node_tree else "") or "This frame is not denoised"
-
-
-@dataclass
-class _Plan:
-    """The denoised frames of a scene: a file for each view by frame; a reason where none can be shown.
-
-    It holds while the folder does not change, unless a file in it is not whole yet, and in any case for a rest after a slow look.
-    """
-
-    files: dict[int, list[Path]]
-    reason: str | None = None
-    growing: bool = False
-    key: object = None
-    changed: int = 0
-    until: float = 0.0
-
-
-def forget() -> None:
-    """The files changed: the next look is at the disk."""
-    exr.forget()
-    _plans.clear()
-
-
-def _plan_of(scene: bpy.types.Scene, *, fresh: bool) -> _Plan:
-    """The frames to show, found anew only when folder or settings changed."""
+def _show(tree: bpy.types.NodeTree, scene: bpy.types.Scene) -> str | None:
+    """Shows the scene's frame; else the reason why it cannot be."""
+    if not inside.is_sound(tree):
+        return messages.text("node_inside")
+    source = tree.hush.scene or scene
+    others = [] if tree.hush.scene else [other for other in owners(tree) if _files(other) != _files(scene)]
+    if others:
+        return messages.text("node_owners", scenes=" and ".join(sorted(each.name for each in {scene, *others})))
+    if scene.render.use_multiview or source.render.use_multiview:
+        return messages.text("node_stereo")
+    if scene.render.frame_map_old != scene.render.frame_map_new:
+        return messages.text("node_stretch")
+    frame = scene.frame_current
     try:
-        folder, views = shot.output_folder(scene), shot.views(scene)
-        patterns = [shot.frame_pattern(scene, view) for view in views]
-    except shot.ShotError as error:
-        return _Plan({}, str(error))
-    render = scene.render
-    if render.frame_map_old != render.frame_map_new:
-        return _Plan({}, "Time stretching is on, which files of frames cannot follow")
-    if any(char.isdigit() for pattern in patterns for char in pattern.stem.rpartition("#")[2]):
-        return _Plan({}, "The frame number must be the last number in the file names")
+        known = status.frame(source, frame)
+    except status.StatusError as error:
+        return str(error)
+    if known.state != "current" or known.output is None:
+        return known.why
+    began = _rendered.get((source.session_uid, frame), known)
+    if began is not known and began == _stamp(known.source):
+        return messages.text("node_rendered")
+    stamp = _stamp(known.output)
+    if stamp is None:
+        return messages.text("node_missing")
+    layers = (tree.hush.view_layer,) if tree.hush.view_layer else tuple(shot.layers(source))
+    if not inside.show(tree, frame, inside.Picture(known.output, stamp, layers, shot.is_relative(source))):
+        return messages.text("node_layer", layer=" or ".join(layers))
+    _asked[tree.session_uid] = source.name, _settings(source)
+    return None
+
+
+def _settings(scene: bpy.types.Scene) -> object:
+    hush, render = scene.hush, scene.render
+    paths = render.filepath, hush.input_folder, hush.output_folder, hush.vector_layer
+    return shot.settings(scene, None)[0], paths, shot.render_size(scene), render.use_multiview
+
+
+def _files(scene: bpy.types.Scene) -> object:
+    """What decides which denoised frames a scene has."""
     try:
-        changed = os.stat(folder).st_mtime_ns
-    except OSError:
-        changed = None
-    if changed is None or not folder.is_dir():
-        return _Plan({}, "Nothing is denoised yet")
-    key = (folder, tuple(patterns), render_size(scene))
-    known = None if fresh else _plans.get(scene.session_uid)
-    if known and known.key == key and (known.changed == changed and not known.growing or time.monotonic() < known.until):
-        return known
-    began = time.monotonic()
-    plan = _plans[scene.session_uid] = _find(folder, patterns, render_size(scene))
-    now = time.monotonic()
-    plan.key, plan.changed, plan.until = key, changed, now + 50 * (now - began)
-    return plan
-
-
-def _find(folder: Path, patterns: list[Path], wanted: tuple[int, int] | None) -> _Plan:
-    head, tail = re.split("#+", patterns[0].name)
-    frames, others, growing = {}, set(), False
-    for name in sorted(os.listdir(folder)):
-        number = name[len(head) : len(name) - len(tail)]
-        if not (name.startswith(head) and name.endswith(tail) and number.isdigit()):
-            continue
-        files = [folder / shot.frame_file(pattern, int(number)).name for pattern in patterns]
-        sizes = {exr.size_if_whole(file) for file in files}
-        if files[0].name != name:
-            continue
-        if None in sizes:
-            growing = True
-        elif wanted is None or sizes == {wanted}:
-            frames[int(number)] = files
-        else:
-            others |= sizes
-    if others and not frames:
-        width, height = others.pop()
-        return _Plan({}, f"The frames were denoised at {width} × {height}, the scene renders {wanted[0]} × {wanted[1]}")
-    return _Plan(frames, None if frames else "Nothing is denoised yet", growing)
-
-
-def render_size(scene: bpy.types.Scene) -> tuple[int, int] | None:
-    """The size the scene renders at, None where it is cropped to a border."""
-    render = scene.render
-    if render.use_border and render.use_crop_to_border:
+        return shot.sequences(scene)
+    except shot.ShotError:
         return None
-    percentage = render.resolution_percentage
-    return render.resolution_x * percentage // 100, render.resolution_y * percentage // 100
 
 
-def _show(node: TemporalDenoise, scene: bpy.types.Scene, frames: bpy.types.Node, view: str, plan: _Plan, *, reload: bool) -> None:
-    """Gives an Image node the files of its view."""
-    own_files = view and shot.views(scene) != [""]
-    files = [row[shot.views(scene).index(view) if own_files else 0] for row in plan.files.values()]
-    before = frames.image
-    image = before if before and _path_of(before) in files else _image(scene, files)
-    _set(image, "use_multiview", bool(view and not own_files))
-    if reload:
-        # Blender keeps the pixels of files that were written again since.
-        image.reload()
-    if image != before or reload:
-        frames.image = image
-        if before is not None and before.users == 0:
-            bpy.data.images.remove(before)
-    for name, value in (("frame_start", 0), ("frame_duration", _LAST_FRAME), ("use_auto_refresh", True)):
-        _set(frames, name, value)
-    if frames.has_views:
-        # Left to itself, Blender 5.0 shows the first view of a file for all.
-        _set(frames, "view", view or "ALL")
-    _link(node, scene, frames, view)
-
-
-def _path_of(image: bpy.types.Image) -> Path:
-    return Path(bpy.path.abspath(image.filepath, library=image.library))
-
-
-def _image(scene: bpy.types.Scene, files: list[Path]) -> bpy.types.Image:
-    """The image of a sequence of files: one that is there already, else a new one."""
-    for image in bpy.data.images:
-        if image.source == "SEQUENCE" and image.library is None and _path_of(image) in files:
-            return image
-    image = bpy.data.images.new(f"Denoised {scene.name}", 1, 1)
-    image.source = "SEQUENCE"
+def _stamp(file: Path | None) -> tuple[int, int] | None:
     try:
-        image.colorspace_settings.name = compat.working_space()
-    except TypeError:
-        # A colour configuration without that name: no conversion at all is the same here.
-        image.colorspace_settings.is_data = True
-    path = str(files[0])
-    relative = any(p.startswith("//") for p in (scene.render.filepath, scene.hush.input_folder, scene.hush.output_folder))
-    image.filepath = bpy.path.relpath(path) if relative and bpy.data.is_saved else path
-    return image
+        found = os.stat(file) if file else None
+    except OSError:
+        return None
+    return (found.st_size, found.st_mtime_ns) if found else None
 
 
-def _link(node: TemporalDenoise, scene: bpy.types.Scene, frames: bpy.types.Node, view: str) -> None:
-    """Connects the view layer's image; nothing where the files do not have it."""
-    found = not frames.has_layers
-    for name in [] if found else [node.view_layer] if node.view_layer else shot.layers(scene):
-        try:
-            _set(frames, "layer", name)
-        except TypeError:
-            continue
-        found = True
-        break
-    wanted = next((frames.outputs[name] for name in ("Combined", "Image") if name in frames.outputs), None) if found else None
-    links = node.node_tree.links
-    for target in inside.targets(node.node_tree, view):
-        if wanted is None:
-            for link in target.links:
-                links.remove(link)
-        elif not target.is_linked or target.links[0].from_socket != wanted:
-            links.new(wanted, target)
+def _is_old(node: bpy.types.Node) -> bool:
+    """Whether a node is one of Hush 0.1; of an unknown class Blender tells no name, so its sockets and its own name must do."""
+    if node.bl_idname == _OLD:
+        return True
+    sockets = [[socket.name for socket in side] for side in (node.inputs, node.outputs)]
+    if node.bl_idname != _UNKNOWN or sockets != [["Image"], ["Image"]]:
+        return False
+    return node.name.split(".")[0] == LABEL or bool({"source_scene", "view_layer"} & set(_kept(node).keys()))
 
 
-def _set(owner: object, name: str, value: object) -> None:
-    """Sets a property only where it differs, as setting one makes Blender composite again."""
-    if getattr(owner, name) != value:
-        setattr(owner, name, value)
+def _kept(node: bpy.types.Node) -> object:
+    """The properties that an unknown node keeps, as a mapping."""
+    return (node.bl_system_properties_get() or {}) if hasattr(node, "bl_system_properties_get") else node
+
+
+def _replace(old: bpy.types.Node) -> None:
+    parent = old.id_data
+    made = new(parent)
+    kept = _kept(old)
+    if isinstance(kept.get("source_scene"), bpy.types.Scene):
+        made.node_tree.hush.scene = kept["source_scene"]
+    made.node_tree.hush.view_layer = kept.get("view_layer") or ""
+    made.location, made.width, made.parent = old.location, old.width, old.parent
+    for link in [link for link in parent.links if old in (link.from_node, link.to_node)]:
+        if link.to_node == old:
+            parent.links.new(link.from_socket, made.inputs[0])
+        else:
+            parent.links.new(made.outputs[0], link.to_socket)
+    name = old.name
+    parent.nodes.remove(old)
+    made.name = name
 
 
 def register() -> None:
-    """Adds the node."""
-    # Blender makes its class of custom groups anew whenever one is unregistered, so the node's is made here.
-    _classes.append(type(IDNAME, (TemporalDenoise, bpy.types.CompositorNodeCustomGroup), {"__doc__": TemporalDenoise.__doc__}))
-    bpy.utils.register_class(_classes[-1])
+    """Nothing to add: the node is Blender's own group."""
 
 
 def unregister() -> None:
-    """Takes the node away."""
-    while _classes:
-        bpy.utils.unregister_class(_classes.pop())
+    """Without Hush every node passes its input through."""
+    suspend()
     forget()
-    _why.clear()

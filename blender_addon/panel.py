@@ -1,17 +1,21 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is drawn: the panel in the render properties, and the inside of the node."""
+"""What is drawn: the panel in the render properties, and the one beside the compositor's nodes."""
 
 import textwrap
 
 import bpy
 
-from . import check, denoise, node, refresh, shot, status
+from . import check, denoise, messages, node, refresh, shot, status
 
 # A letter's width in the interface's own units, a little generous.
 _LETTER = 6.5
 # Where a problem is drawn, by its key; all others belong to preparing.
-_STEP_OF = {"frames": 2, "older": 2, "lossy": 2, "first_frame": 2, "folder": 3, "space": 3, "library": 3, "lambda": 3}
+_STEP_OF = {
+    **dict.fromkeys(("frames", "older", "lossy", "first_frame"), 2),
+    **dict.fromkeys(("folder", "space", "library", "lambda", "stale", "failed"), 3),
+    **dict.fromkeys(("node", "stereo"), 4),
+}
 
 
 class _HushPanel:
@@ -33,14 +37,15 @@ class RENDER_PT_hush(_HushPanel, bpy.types.Panel):
         width = _width(context)
         state = status.last_known(scene)
         problems = refresh.problems(scene) or []
-        steps = [[p for p in problems if _STEP_OF.get(p.key, 1) == step] for step in (1, 2, 3)]
+        steps = [[p for p in problems if _STEP_OF.get(p.key, 1) == step] for step in (1, 2, 3, 4)]
         _draw_prepare(layout, scene, all(p.level == check.INFO for p in steps[0]))
         _draw_problems(layout, steps[0], width)
         _draw_render(layout, state)
         _draw_problems(layout, steps[1], width)
         _draw_denoise(layout, scene, state, width)
         _draw_problems(layout, steps[2], width)
-        _draw_composite(layout, scene)
+        _draw_composite(layout, scene, width)
+        _draw_problems(layout, steps[3], width)
 
 
 class RENDER_PT_hush_settings(_HushPanel, bpy.types.Panel):
@@ -55,7 +60,7 @@ class RENDER_PT_hush_settings(_HushPanel, bpy.types.Panel):
         layout.use_property_split = True
         layout.prop(hush, "lam", slider=True)
         if shot.lambda_source(context.scene) in ("driver", "nla"):
-            layout.label(text="λ has a driver or NLA strips: its value now is used for all frames", icon="INFO")
+            layout.label(text=messages.text("lambda_driver_now"), icon="INFO")
         column = layout.column()
         column.use_property_decorate = False
         column.prop(hush, "window")
@@ -83,7 +88,8 @@ class RENDER_PT_hush_folders(_HushPanel, bpy.types.Panel):
         layout.prop(scene.hush, "composite_format")
         column = layout.column(align=True)
         try:
-            lines = [f"From {path}" for path in shot.frame_patterns(scene)] + [f"To {shot.output_folder(scene)}"]
+            lines = [messages.text("frames_from", path=path) for path in shot.frame_patterns(scene)]
+            lines.append(messages.text("frames_to", path=shot.output_folder(scene)))
         except shot.ShotError as error:
             lines = [str(error)]
         for line in lines:
@@ -114,22 +120,31 @@ def _draw_render(layout: bpy.types.UILayout, state: status.ShotStatus | None) ->
     rendered = bool(state and state.total and state.rendered == state.total)
     row = _step(layout, rendered, "render.render", "2. Render Animation", animation=True)
     if state and state.total:
-        row.label(text=f"{state.rendered} of {state.total}")
+        row.label(text=messages.text("status_rendered", count=state.rendered, total=state.total))
 
 
 def _draw_denoise(layout: bpy.types.UILayout, scene: bpy.types.Scene, state: status.ShotStatus | None, width: float) -> None:
     finished = bool(state and state.total and state.done == state.total)
     _step(layout, finished, "hush.denoise_shot", "3. Denoise Shot")
     if not _draw_progress(layout, scene) and state:
-        _paragraph(layout.column(align=True), sentence(state.text), width, icon="ERROR" if state.stale else "BLANK1")
+        _paragraph(layout.column(align=True), messages.sentence(state.text), width, icon="ERROR" if state.stale else "BLANK1")
 
 
-def _draw_composite(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
-    has_node = any(node.nodes(scene))
+def _draw_composite(layout: bpy.types.UILayout, scene: bpy.types.Scene, width: float) -> None:
+    trees = node.trees(scene)
+    has_node = bool(trees)
     row = _step(layout, None, "hush.composite_shot", "4. Composite Denoised")
     row.enabled = has_node
     if not has_node:
         layout.operator("hush.add_node", icon=node.ICON)
+    _draw_reasons(layout, trees, width)
+
+
+def _draw_reasons(layout: bpy.types.UILayout, trees: list[bpy.types.NodeTree], width: float) -> None:
+    """Why nodes pass their input through, each reason once."""
+    column = layout.column(align=True)
+    for reason in dict.fromkeys(node.why_off(tree) for tree in trees if not node.is_on(tree)):
+        _paragraph(column, messages.text("node_off", reason=reason), width, icon="INFO")
 
 
 def _step(layout: bpy.types.UILayout, done: bool | None, operator: str, text: str, **arguments: object) -> bpy.types.UILayout:
@@ -149,35 +164,55 @@ def _draw_progress(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> bool:
     return True
 
 
-def sentence(text: str) -> str:
-    """With a capital, except for λ."""
-    return text[:1].upper() + text[1:] if not text.startswith("λ") else text
+class NODE_PT_hush(bpy.types.Panel):
+    """The nodes of the compositor that is edited: dial, window, frames, how far, and the buttons."""
+
+    bl_label = "Temporal Denoise"
+    bl_space_type = "NODE_EDITOR"
+    bl_region_type = "UI"
+    bl_category = "Hush"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Beside the compositor's nodes."""
+        return context.space_data.tree_type == "CompositorNodeTree"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draws only what is known already, and asks for a fresh look."""
+        refresh.request()
+        layout, scene, width = self.layout, context.scene, _width(context)
+        trees = node.trees(scene)
+        layout.operator("hush.add_node", icon=node.ICON).at_cursor = bool(trees)
+        for tree in trees:
+            _draw_node(layout.box() if len(trees) > 1 else layout, tree, scene, width)
+        _draw_problems(layout, [p for p in refresh.problems(scene) or [] if _STEP_OF.get(p.key) == 4], width)
 
 
-def draw_node(which: node.TemporalDenoise, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
-    """The inside of the node: dial, window, frames, how far, and the buttons."""
-    refresh.request()
-    scene = which.source_scene or context.scene
+def _draw_node(layout: bpy.types.UILayout, tree: bpy.types.NodeTree, scene: bpy.types.Scene, width: float) -> None:
+    scene = tree.hush.scene or scene
+    column = layout.column()
+    if len(node.trees(scene)) > 1:
+        column.label(text=tree.name)
+    column.enabled = tree.library is None
     if len(bpy.data.scenes) > 1:
-        layout.prop(which, "source_scene")
+        column.prop(tree.hush, "scene")
     if len(scene.view_layers) > 1:
-        layout.prop_search(which, "view_layer", scene, "view_layers")
-    layout.prop(scene.hush, "lam", slider=True)
-    layout.prop(scene.hush, "window")
-    layout.prop(scene.hush, "input_folder", text="Frames")
+        column.prop_search(tree.hush, "view_layer", scene, "view_layers")
+    column.prop(scene.hush, "lam", slider=True)
+    column.prop(scene.hush, "window")
+    column.prop(scene.hush, "input_folder", text="Frames")
     state = status.last_known(scene)
-    column = layout.column(align=True)
-    if not _draw_progress(column, scene) and state:
-        _paragraph(column, sentence(state.text), which.width, icon="ERROR" if state.stale else "NONE")
-    if not node.is_on(which):
-        _paragraph(column, f"{node.why_off(which)}: the image passes through", which.width, icon="INFO")
-    column = layout.column(align=True)
-    column.operator("hush.denoise_shot", icon=node.ICON).scene = scene.name
-    column.operator("hush.composite_shot", icon="RENDER_ANIMATION")
+    told = layout.column(align=True)
+    if not _draw_progress(told, scene) and state:
+        _paragraph(told, messages.sentence(state.text), width, icon="ERROR" if state.stale else "NONE")
+    _draw_reasons(told, [tree], width)
+    buttons = layout.column(align=True)
+    buttons.operator("hush.denoise_shot", icon=node.ICON).scene = scene.name
+    buttons.operator("hush.composite_shot", icon="RENDER_ANIMATION")
 
 
 def _width(context: bpy.types.Context) -> float:
-    """Of the region, in the interface's own units; a node's width is in these already."""
+    """Of the region, in the interface's own units."""
     return context.region.width / (context.preferences.system.ui_scale or 1.0)
 
 
@@ -188,7 +223,7 @@ def _paragraph(column: bpy.types.UILayout, text: str, width: float, *, icon: str
         column.label(text=line, icon=icon if number == 0 else "BLANK1" if icon != "NONE" else "NONE")
 
 
-_CLASSES = (RENDER_PT_hush, RENDER_PT_hush_settings, RENDER_PT_hush_folders)
+_CLASSES = (RENDER_PT_hush, RENDER_PT_hush_settings, RENDER_PT_hush_folders, NODE_PT_hush)
 
 
 def register() -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 from bpy.props import StringProperty
 
-from . import compat
+from . import compat, messages
 
 VECTOR_LAYER = "Hush Vectors"
 LOSSLESS = {"NONE", "RLE", "ZIPS", "ZIP", "PIZ"}
@@ -114,7 +114,7 @@ def seed_is_animated(scene: bpy.types.Scene) -> bool:
 
 
 def _engine(scene: bpy.types.Scene, record: Record) -> list[str]:
-    return ["Render engine: Cycles"] if record.set(("render",), "engine", "CYCLES") else []
+    return [messages.text("set_engine")] if record.set(("render",), "engine", "CYCLES") else []
 
 
 def _camera(scene: bpy.types.Scene, record: Record) -> list[str]:
@@ -122,7 +122,7 @@ def _camera(scene: bpy.types.Scene, record: Record) -> list[str]:
     if scene.camera is not None or not cameras:
         return []
     scene.camera = cameras[0]
-    return [f"Camera of the scene: {cameras[0].name}"]
+    return [messages.text("set_camera", camera=cameras[0].name)]
 
 
 def _passes(scene: bpy.types.Scene, record: Record) -> list[str]:
@@ -134,7 +134,7 @@ def _passes(scene: bpy.types.Scene, record: Record) -> list[str]:
         record.set(path, "use_pass_vector", True)
         record.set(path, "use_pass_z", True)
         if missing:
-            told.append(f"View layer {layer.name}: {', '.join(missing)} on")
+            told.append(messages.text("set_passes", layer=layer.name, passes=", ".join(missing)))
     return told
 
 
@@ -142,11 +142,11 @@ def _seed(scene: bpy.types.Scene, record: Record) -> list[str]:
     if seed_is_animated(scene):
         return []
     record.set(("cycles",), "use_animated_seed", True)
-    return ["Sampling: animated seed on"]
+    return [messages.text("set_seed")]
 
 
 def _denoising(scene: bpy.types.Scene, record: Record) -> list[str]:
-    return ["Sampling: Cycles' own denoising off"] if record.set(("cycles",), "use_denoising", False) else []
+    return [messages.text("set_denoising")] if record.set(("cycles",), "use_denoising", False) else []
 
 
 def _format(scene: bpy.types.Scene, record: Record) -> list[str]:
@@ -156,13 +156,13 @@ def _format(scene: bpy.types.Scene, record: Record) -> list[str]:
         if settings.file_format != "OPEN_EXR_MULTILAYER":
             compat.use_multilayer(settings)
             settings.exr_codec = "ZIP"
-            told.append("Output: OpenEXR MultiLayer, ZIP")
+            told.append(messages.text("set_format"))
         elif settings.exr_codec not in LOSSLESS:
             settings.exr_codec = "ZIP"
-            told.append("Output: codec ZIP")
+            told.append(messages.text("set_codec"))
         settings.color_depth = "32"
         if depth != "32":
-            told.append("Output: 32 bit")
+            told.append(messages.text("set_depth"))
     return told
 
 
@@ -175,9 +175,9 @@ def _motion_blur(scene: bpy.types.Scene, record: Record) -> list[str]:
     name = fitting[0] if fitting else ""
     if not name:
         name = record.vector_layer = _add_vector_layer(scene, blurred)
-        told.append(f"View layer {name} added: 1 sample, without motion blur, for the motion vectors")
+        told.append(messages.text("set_vector_layer", layer=name))
     record.set(("hush",), "vector_layer", name)
-    told.append(f"Motion vectors from view layer {name}")
+    told.append(messages.text("set_vectors_from", layer=name))
     return told + _single_layer(scene, record)
 
 
@@ -205,26 +205,30 @@ def _show_the_same(target: bpy.types.LayerCollection, sources: list[bpy.types.La
 
 
 def _overwrite(scene: bpy.types.Scene, record: Record) -> list[str]:
-    return ["Output: Overwrite on"] if record.set(("render",), "use_overwrite", True) else []
+    return [messages.text("set_overwrite")] if record.set(("render",), "use_overwrite", True) else []
 
 
 def _placeholders(scene: bpy.types.Scene, record: Record) -> list[str]:
-    return ["Output: Placeholders off"] if record.set(("render",), "use_placeholder", False) else []
+    return [messages.text("set_placeholders")] if record.set(("render",), "use_placeholder", False) else []
 
 
 def _sequencer(scene: bpy.types.Scene, record: Record) -> list[str]:
-    return ["Post Processing: Sequencer off"] if record.set(("render",), "use_sequencer", False) else []
+    return [messages.text("set_sequencer")] if record.set(("render",), "use_sequencer", False) else []
 
 
 def _single_layer(scene: bpy.types.Scene, record: Record) -> list[str]:
-    return ["Render Single Layer off"] if record.set(("render",), "use_single_layer", False) else []
+    return [messages.text("set_single_layer")] if record.set(("render",), "use_single_layer", False) else []
 
 
 def _vector_pass(scene: bpy.types.Scene, record: Record) -> list[str]:
     name = vector_layer(scene)
     wanted = {"use": True, "use_pass_vector": True, "use_motion_blur": False}
     changed = [record.set(("view_layers", name), flag, value) for flag, value in wanted.items() if name]
-    return [f"View layer {name}: rendered, Vector on, motion blur off"] if any(changed) else []
+    return [messages.text("set_vector_pass", layer=name)] if any(changed) else []
+
+
+def _frame_step(scene: bpy.types.Scene, record: Record) -> list[str]:
+    return [messages.text("set_frame_step")] if record.set((), "frame_step", 1) else []
 
 
 STEPS: dict[str, Callable[[bpy.types.Scene, Record], list[str]]] = {
@@ -240,6 +244,7 @@ STEPS: dict[str, Callable[[bpy.types.Scene, Record], list[str]]] = {
     "overwrite": _overwrite,
     "placeholders": _placeholders,
     "sequencer": _sequencer,
+    "frame_step": _frame_step,
 }
 PREPARE = ("passes", "seed", "denoising", "format", "motion_blur")
 
@@ -251,9 +256,9 @@ def apply(scene: bpy.types.Scene, steps: tuple[str, ...] = PREPARE) -> list[str]
         PrepareError: The scene is not rendered with Cycles, or cannot be changed.
     """
     if scene.library is not None:
-        raise PrepareError(f"The scene {scene.name} is linked from another file and cannot be changed here")
+        raise PrepareError(messages.text("prepare_linked", scene=scene.name))
     if scene.render.engine != "CYCLES" and "engine" not in steps:
-        raise PrepareError(f"Hush denoises renders of Cycles; the render engine of {scene.name} is {scene.render.engine}")
+        raise PrepareError(messages.text("prepare_engine", scene=scene.name, engine=scene.render.engine))
     record = Record(scene)
     try:
         return [text for step in steps for text in STEPS[step](scene, record)]
@@ -271,14 +276,14 @@ def undo(scene: bpy.types.Scene) -> list[str]:
         path, name, before, _ = entry
         owner = record.owner(tuple(path))
         if owner is None:
-            told.append(f"{' › '.join(path)} is gone")
+            told.append(messages.text("undo_gone", name=" › ".join(path)))
         elif entry in by_hand:
-            told.append(f"{' › '.join((*path, name))} was changed since and stays as it is")
+            told.append(messages.text("undo_by_hand", name=" › ".join((*path, name))))
         else:
             try:
                 setattr(owner, name, before)
             except (TypeError, AttributeError) as error:
-                told.append(f"{name} could not be put back: {error}")
+                told.append(messages.text("undo_failed", name=name, reason=error))
     layer = scene.view_layers.get(record.vector_layer or "")
     if layer is not None and len(scene.view_layers) > 1:
         scene.view_layers.remove(layer)
@@ -296,7 +301,7 @@ def scene_of(operator: bpy.types.Operator, context: bpy.types.Context) -> bpy.ty
         return context.scene
     scene = bpy.data.scenes.get(operator.scene)
     if scene is None:
-        operator.report({"ERROR"}, f"There is no scene {operator.scene}")
+        operator.report({"ERROR"}, messages.text("no_scene", name=operator.scene))
     return scene
 
 
@@ -319,7 +324,7 @@ class HUSH_OT_prepare_shot(bpy.types.Operator):
         except PrepareError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        self.report({"INFO"}, f"Shot prepared. {'; '.join(told)}" if told else "The shot was prepared already")
+        self.report({"INFO"}, messages.text("prepared", changes="; ".join(told)) if told else messages.text("prepared_already"))
         return {"FINISHED"}
 
 
@@ -338,45 +343,16 @@ class HUSH_OT_undo_prepare(bpy.types.Operator):
         if scene is None:
             return {"CANCELLED"}
         if not scene.hush.prepared:
-            self.report({"WARNING"}, f"There is nothing to undo in {scene.name}: it was not prepared")
+            self.report({"WARNING"}, messages.text("nothing_prepared", scene=scene.name))
             return {"CANCELLED"}
         told = undo(scene)
         for text in told:
             self.report({"WARNING"}, text)
-        self.report({"INFO"}, "The settings are as they were before Prepare Shot")
+        self.report({"INFO"}, messages.text("unprepared"))
         return {"FINISHED"}
 
 
-class HUSH_OT_fix(bpy.types.Operator):
-    """Change the setting that this problem comes from"""
-
-    bl_idname = "hush.fix"
-    bl_label = "Fix"
-    bl_options = {"REGISTER", "UNDO", "INTERNAL"}
-
-    key: StringProperty(name="Problem", description="Key of the problem, such as passes", options={"SKIP_SAVE"})
-    scene: StringProperty(name="Scene", description="Scene to change. Empty: the open one", options={"SKIP_SAVE"})
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Fixes one problem."""
-        scene = scene_of(self, context)
-        if scene is None:
-            return {"CANCELLED"}
-        if self.key == "save" and not bpy.app.background:
-            return bpy.ops.wm.save_as_mainfile("INVOKE_DEFAULT") and {"FINISHED"}
-        if self.key not in STEPS:
-            self.report({"ERROR"}, f"There is no fix for {self.key or 'nothing'}; there are {', '.join(STEPS)}")
-            return {"CANCELLED"}
-        try:
-            told = apply(scene, (self.key,))
-        except PrepareError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        self.report({"INFO"}, "; ".join(told) or "That was right already")
-        return {"FINISHED"}
-
-
-_CLASSES = (HUSH_OT_prepare_shot, HUSH_OT_undo_prepare, HUSH_OT_fix)
+_CLASSES = (HUSH_OT_prepare_shot, HUSH_OT_undo_prepare)
 
 
 def register() -> None:

@@ -1,11 +1,12 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
 # SPDX-License-Identifier: Apache-2.0
-"""The settings of a shot, kept in the scene as `scene.hush`."""
+"""The settings of a shot, kept in the scene as `scene.hush`, and of a node, kept in its tree as `tree.hush`.
+
+None has an update callback: after one was unregistered, Blender 4.2 as a Python module crashes at its end. `handlers.py` hears of changes.
+"""
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty
-
-from . import status
 
 WINDOWS = (
     ("AUTO", "Automatic", "Two frames on each side where the frames have motion vectors, else none"),
@@ -19,10 +20,6 @@ COMPOSITE_FORMATS = (
     ("OPEN_EXR", "OpenEXR", "Half float, scene linear; for further work"),
     ("PNG", "PNG", "16 bit, with the view transform; for looking at"),
 )
-
-
-def _changed(self: "HushShot", _context: bpy.types.Context) -> None:
-    status.touch(self.id_data)
 
 
 class HushShot(bpy.types.PropertyGroup):
@@ -39,7 +36,6 @@ class HushShot(bpy.types.PropertyGroup):
         max=64.0,
         step=10,
         precision=2,
-        update=_changed,
     )
     window: EnumProperty(
         name="Window",
@@ -47,21 +43,18 @@ class HushShot(bpy.types.PropertyGroup):
         items=WINDOWS,
         default="AUTO",
         options=set(),
-        update=_changed,
     )
     input_folder: StringProperty(
         name="Rendered Frames",
         description="Folder of the noisy frames. Empty: where the scene renders to",
         subtype="DIR_PATH",
         options=set(),
-        update=_changed,
     )
     output_folder: StringProperty(
         name="Denoised Frames",
         description="Folder for the denoised frames. Empty: a folder named denoised beside the noisy frames",
         subtype="DIR_PATH",
         options=set(),
-        update=_changed,
     )
     composite_folder: StringProperty(
         name="Composited Frames",
@@ -81,20 +74,17 @@ class HushShot(bpy.types.PropertyGroup):
         description="Denoise the light passes and light groups too, so that they still add up to the image",
         default=False,
         options=set(),
-        update=_changed,
     )
     keep_noisy: BoolProperty(
         name="Keep Noisy Image",
         description="Keep the noisy image in the denoised files, as the pass Noisy Image",
         default=False,
         options=set(),
-        update=_changed,
     )
     vector_layer: StringProperty(
         name="Vectors From",
         description="View layer that the motion vectors are taken from. Empty: the one that Prepare Shot made, else each layer's own",
         options=set(),
-        update=_changed,
     )
     prepared: StringProperty(
         name="Prepared",
@@ -103,13 +93,34 @@ class HushShot(bpy.types.PropertyGroup):
     )
 
 
+class HushNode(bpy.types.PropertyGroup):
+    """What a Temporal Denoise node shows."""
+
+    scene: PointerProperty(
+        type=bpy.types.Scene,
+        name="Scene",
+        description="Scene whose denoised frames to show. Empty: the scene that is composited",
+        options=set(),
+    )
+    view_layer: StringProperty(
+        name="View Layer",
+        description="View layer to show. Empty: the first one that is rendered",
+        options=set(),
+    )
+
+
 def register() -> None:
-    """Adds `scene.hush`."""
-    bpy.utils.register_class(HushShot)
-    bpy.types.Scene.hush = PointerProperty(type=HushShot)
+    """Adds `scene.hush` and `tree.hush`."""
+    for cls, owner in _OWNERS:
+        bpy.utils.register_class(cls)
+        owner.hush = PointerProperty(type=cls)
 
 
 def unregister() -> None:
-    """Takes `scene.hush` away; its values stay in the .blend."""
-    del bpy.types.Scene.hush
-    bpy.utils.unregister_class(HushShot)
+    """Takes them away; their values stay in the .blend."""
+    for cls, owner in reversed(_OWNERS):
+        del owner.hush
+        bpy.utils.unregister_class(cls)
+
+
+_OWNERS = ((HushShot, bpy.types.Scene), (HushNode, bpy.types.NodeTree))

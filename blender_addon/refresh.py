@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
 # SPDX-License-Identifier: Apache-2.0
-"""Keeps what panel and node draw up to date: the disk is read and nodes are changed in a timer, never while drawing."""
+"""Keeps what panels and nodes show up to date: the disk is read and nodes are changed in a timer, never while drawing or rendering."""
 
 import time
 
@@ -8,10 +8,14 @@ import bpy
 
 from . import check, node, status
 
-_DELAY = 0.2
-_PERIOD = 1.0
+# How often the timer asks whether there is something to do, and how long the playhead must rest before a frame is read.
+_TICK, _REST = 0.1, 0.15
+# How often what is drawn is looked up, in seconds and in times of what the last look took.
+_PERIOD, _TIMES = 1.0, 50.0
 _problems: dict[int, list] = {}
-_last = 0.0
+_last = _took = 0.0
+_wanted: float | None = None
+_for_panels = False
 
 
 def problems(scene: bpy.types.Scene) -> list | None:
@@ -19,37 +23,64 @@ def problems(scene: bpy.types.Scene) -> list | None:
     return _problems.get(scene.session_uid)
 
 
-def request(*, now: bool = False) -> None:
-    """Asks for a fresh look soon; from drawing, so it only sets a timer, and none where the last look was just now."""
-    if bpy.app.background or bpy.app.timers.is_registered(_look):
-        return
-    if now or time.monotonic() - _last > _PERIOD:
-        bpy.app.timers.register(_look, first_interval=_DELAY)
+def request(*, now: bool = False, nodes_only: bool = False) -> None:
+    """Asks for a fresh look soon, or with `now` as soon as Blender rests. From any thread and while drawing: it only notes the time.
+
+    With `nodes_only` what the panels tell is not looked up.
+    """
+    global _wanted, _for_panels
+    _for_panels |= not nodes_only
+    if now:
+        _wanted = time.monotonic() + _REST
+    elif _wanted is None:
+        _wanted = max(time.monotonic(), _last + max(_PERIOD, _TIMES * _took))
 
 
 def shot_changed(scene: bpy.types.Scene) -> None:
-    """After frames were rendered, denoised or deleted: the nodes show the files as they are now. From the main thread."""
+    """After frames were rendered, denoised or deleted. From the main thread."""
     status.forget()
-    node.sync(scene, reload=True)
+    if not bpy.app.background:
+        node.sync(scene)
     request(now=True)
 
 
-def _look() -> None:
-    global _last
-    # While frames are rendered, nodes are not to change.
-    if bpy.app.is_job_running("RENDER"):
-        return
+def _tick() -> float:
+    global _wanted, _for_panels
+    if _wanted is not None and time.monotonic() >= _wanted and not _is_busy():
+        nodes_only = not _for_panels
+        _wanted, _for_panels = None, False
+        look(nodes_only=nodes_only)
+    return _TICK
+
+
+def _is_busy() -> bool:
+    """While frames are rendered nodes must not change, and while they are played there is no time to read any."""
+    windows = bpy.context.window_manager.windows
+    return bpy.app.is_job_running("RENDER") or any(window.screen.is_animation_playing for window in windows)
+
+
+def look(*, nodes_only: bool = False) -> None:
+    """Looks at the disk and at what the open scenes show; from the main thread."""
+    global _last, _took
+    began = time.monotonic()
     changed = False
-    for scene in {window.scene for window in bpy.context.window_manager.windows}:
+    scenes = list(dict.fromkeys(window.scene for window in bpy.context.window_manager.windows))
+    for scene in () if nodes_only else scenes:
         before = status.last_known(scene)
         after = status.shot_status(scene)
         found = check.problems(scene)
         changed |= before != after or _problems.get(scene.session_uid) != found
         _problems[scene.session_uid] = found
-        node.sync(scene, reload=before is not None and before.done != after.done)
+    before_nodes = _shown(scenes)
+    node.sync(*scenes)
     _last = time.monotonic()
-    if changed:
+    _took = _last - began
+    if changed or before_nodes != _shown(scenes):
         redraw()
+
+
+def _shown(scenes: list[bpy.types.Scene]) -> list[tuple[bool, str]]:
+    return [(node.is_on(tree), node.why_off(tree)) for scene in scenes for tree in node.trees(scene)]
 
 
 def redraw() -> None:
@@ -63,11 +94,18 @@ def redraw() -> None:
 def forget() -> None:
     """Another file was opened."""
     _problems.clear()
+    check.forget()
     status.forget()
+
+
+def register() -> None:
+    """Starts the timer."""
+    if not bpy.app.background:
+        bpy.app.timers.register(_tick, first_interval=_TICK, persistent=True)
 
 
 def unregister() -> None:
     """Stops the timer."""
-    if bpy.app.timers.is_registered(_look):
-        bpy.app.timers.unregister(_look)
+    if bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.unregister(_tick)
     forget()

@@ -2,19 +2,25 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a scene says about its shot: where the frames are, which ones, and with which settings to denoise them."""
 
+import glob
 import json
 import re
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import bpy
 
-from . import compat
+from . import compat, messages, prepare
 
 LAMBDA_MIN, LAMBDA_MAX = 1.0, 64.0
 _HASHES = re.compile(r"#+(?=[^#]*$)")
 _NUMBERED = re.compile(r"^(.*?)(-?\d+)(\D*)\.exr$", re.IGNORECASE)
 _sequences: dict[Path, tuple[int, list[str]]] = {}
+_examples: dict[Path, tuple[int, Path | None]] = {}
+_layers: dict[Path, tuple[int | None, list[str]]] = {}
+# View layers that Prepare Shot made.
+_VECTOR_LAYER = re.compile(rf"{re.escape(prepare.VECTOR_LAYER)}(\.\d+)?")
 
 
 class ShotError(Exception):
@@ -100,6 +106,93 @@ def layers(scene: bpy.types.Scene) -> list[str]:
     return [layer.name for layer in scene.view_layers if layer.use and layer.name != spare]
 
 
+def sequences(scene: bpy.types.Scene) -> list[dict[str, Any]]:
+    """The scene's shot as arguments of `hush.denoise_sequence` and `hush.check_sequence`, once for each sequence of files.
+
+    Raises:
+        ShotError: Blender cannot make a path of the scene's output setting.
+    """
+    frames, output = list(frame_range(scene)), str(output_folder(scene))
+    made = []
+    for pattern in frame_patterns(scene):
+        chosen, _ = settings(scene, example(pattern))
+        made.append({"inputs": str(pattern), "output": output, "frames": frames, **chosen})
+    return made
+
+
+def settings(scene: bpy.types.Scene, file: Path | None) -> tuple[dict[str, Any], list[str]]:
+    """The scene's settings as `hush.denoise_sequence` and `hush.check_sequence` take them, and what is odd about them, in words.
+
+    What the files hold decides, and `file` is one of them: a view layer that Prepare Shot made gives the motion vectors and is not
+    denoised, also where the scene has it no more; layers that the files do not have, such as files of another scene, are left out.
+    """
+    vectors = vector_layer(scene)
+    names = [name for name in layers(scene) if not _VECTOR_LAYER.fullmatch(name)]
+    there, strange = _layers_of(file), []
+    if there:
+        spare = [name for name in there if _VECTOR_LAYER.fullmatch(name)]
+        strange = [name for name in (*names, vectors) if name and name not in there]
+        names = [name for name in names if name in there]
+        vectors = vectors if vectors in there else next(iter(spare), None)
+    chosen = {
+        "lam": lambda_keys(scene),
+        "window": window(scene),
+        "layers": names,
+        "vector_layer": vectors,
+        "aovs": ["all"] if scene.hush.use_light_passes else [],
+        "keep_noisy": bool(scene.hush.keep_noisy),
+    }
+    lacking = {"layers": " and ".join(strange), "there": ", ".join(sorted(there))}
+    return chosen, [messages.text("strange_layers", file=file.name, **lacking)] if strange else []
+
+
+def example(pattern: Path) -> Path | None:
+    """The first file of a pattern, or of a folder, that is not empty. Remembered until something comes into the folder or goes."""
+    folder = pattern if pattern.is_dir() else pattern.parent
+    try:
+        changed = folder.stat().st_mtime_ns
+    except OSError:
+        return None
+    known = _examples.get(pattern)
+    if known is None or known[0] != changed or known[1] is None:
+        name = "*.exr" if pattern == folder else re.sub(r"#+", "*", glob.escape(pattern.name))
+        found = next((path for path in sorted(folder.glob(name)) if path.is_file() and path.stat().st_size), None)
+        known = _examples[pattern] = changed, found
+    return known[1]
+
+
+def _layers_of(file: Path | None) -> list[str]:
+    """The view layers in a file; none where it has no names for them, or cannot be read."""
+    try:
+        import hush
+    except ImportError:
+        return []
+    try:
+        stamp = file.stat().st_mtime_ns if file else None
+        if file is None or file in _layers and _layers[file][0] == stamp:
+            return _layers[file][1] if file else []
+        told = hush.inspect(str(file))
+    except (OSError, ValueError, hush.HushError):
+        return []
+    names = [layer["name"] for layer in told.get("layout", told).get("layers", ()) if layer["name"]]
+    _layers[file] = stamp, names
+    return names
+
+
+def render_size(scene: bpy.types.Scene) -> tuple[int, int] | None:
+    """The size the scene renders at, None where it is cropped to a border."""
+    render = scene.render
+    if render.use_border and render.use_crop_to_border:
+        return None
+    percentage = render.resolution_percentage
+    return render.resolution_x * percentage // 100, render.resolution_y * percentage // 100
+
+
+def is_relative(scene: bpy.types.Scene) -> bool:
+    """Whether the scene's folders move with its file."""
+    return any(path.startswith("//") for path in (scene.render.filepath, scene.hush.input_folder, scene.hush.output_folder))
+
+
 def window(scene: bpy.types.Scene) -> int | None:
     """Frames on each side that help; None to let the denoiser choose."""
     return None if scene.hush.window == "AUTO" else int(scene.hush.window)
@@ -166,10 +259,11 @@ def _render_pattern(scene: bpy.types.Scene, view: str) -> Path:
     try:
         one, two = (render.frame_path(frame=frame, view=view) for frame in (11111, 22222))
     except RuntimeError as error:
-        raise ShotError(f"The output path of the scene cannot be used: {str(error).removeprefix('Error: ').strip()}") from None
+        reason = str(error).removeprefix("Error: ").strip()
+        raise ShotError(messages.text("path", reason=reason)) from None
     differing = [i for i, (a, b) in enumerate(zip(one, two, strict=False)) if a != b]
     if not differing:
-        raise ShotError(f"The output path {one} has no frame number")
+        raise ShotError(messages.text("path_number", path=one))
     end = differing[-1] + 1
     runs = _HASHES.findall(re.split(r"[\\/]", render.filepath)[-1])
     width = len(runs[-1]) if runs else 4

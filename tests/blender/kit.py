@@ -50,13 +50,13 @@ def folder(name: str) -> Path:
     return place
 
 
-def blender(code: str, *arguments: str | Path, enabled: bool = True, limit: float = 60.0) -> str:
-    """Runs Python code in a fresh Blender with the same user folder; returns what it printed.
+def blender(code: str, *arguments: str | Path, enabled: bool = True, limit: float = 60.0, python: Path | None = None) -> str:
+    """Runs Python code in a fresh Blender with the same user folder; returns what it printed. `python` has another Blender.
 
     The extension is on unless `enabled` is False; `sys.argv[1:]` are the arguments. Fails on another exit code than 0.
     """
     start = "import bpy, kit; kit.enable()\n" if enabled else ""
-    command = [sys.executable, "-c", start + code, *map(str, arguments)]
+    command = [str(python or sys.executable), "-c", start + code, *map(str, arguments)]
     result = subprocess.run(command, capture_output=True, text=True, timeout=limit, check=False)
     assert result.returncode == 0, f"exit code {result.returncode}\n{result.stdout}\n{result.stderr}"
     return result.stdout

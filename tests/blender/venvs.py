@@ -77,9 +77,10 @@ def install_libraries() -> None:
 
 
 def _interpreter(wanted: str) -> str:
-    """A Python of the wanted version: PYTHON3_11, python3.11 on the path, or the one that runs this."""
+    """A Python of the wanted version: PYTHON3_11, python3.11 on the path, the one that runs this, or one of pyenv."""
     named = os.environ.get(f"PYTHON{wanted.replace('.', '_')}")
-    for candidate in (named, f"python{wanted}", sys.executable, "python3"):
+    kept = sorted(map(str, Path.home().glob(f".pyenv/versions/*/bin/python{wanted}")))
+    for candidate in (named, f"python{wanted}", sys.executable, "python3", *kept):
         path = shutil.which(candidate) if candidate else None
         if path is None:
             continue

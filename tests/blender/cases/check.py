@@ -55,6 +55,7 @@ def test_what_a_fix_takes_away() -> None:
         "overwrite": (lambda s: setattr(s.render, "use_overwrite", False), "Overwrite"),
         "placeholders": (lambda s: setattr(s.render, "use_placeholder", True), "Placeholders"),
         "sequencer": (sequence, "Sequencer"),
+        "frame_step": (lambda s: setattr(s, "frame_step", 2), "neighbours cannot help"),
     }
     formats = {"PNG": png, "DWAA": lossy, "16 bit": multilayer_half}
     for key, spoil, words in [(k, *v) for k, v in cases.items()] + [("format", v, k) for k, v in formats.items()]:
@@ -94,7 +95,9 @@ def test_frames_that_are_missing() -> None:
     scene.frame_end = 9
     (frames / "frame_0003.exr").unlink()
     (frames / "frame_0005.exr").write_bytes(b"")
-    assert found(scene)["frames"] == "Frames 3, 5-9 are not rendered"
+    assert found(scene)["frames"] == "Frames 3, 5-9 are not rendered: press Render Animation"
+    scene.frame_end = 4
+    assert found(scene)["frames"] == "Frame 3 is not rendered: press Render Animation"
     for path in frames.glob("*.exr"):
         path.unlink()
     assert "not rendered yet" in found(scene)["frames"]
@@ -105,7 +108,7 @@ def test_frames_of_an_earlier_render() -> None:
     layer = scene.view_layers[0]
     layer.use_pass_vector = layer.use_pass_z = layer.cycles.denoising_store_passes = True
     text = found(scene)["older"]
-    assert "Vector" in text and "render again" in text, text
+    assert "Vector" in text and "Render Animation" in text, text
     scene, _ = shot_scene()
     scene.render.resolution_x = 100
     assert "96 × 54" in found(scene)["older"]
@@ -163,10 +166,60 @@ def test_the_disk_is_not_asked_all_the_time() -> None:
 
 def test_a_full_disk_is_foreseen() -> None:
     scene, _ = shot_scene()
-    real = check.shutil.disk_usage
-    check.shutil.disk_usage = lambda path: real(path)._replace(free=1000)
+    shutil = importlib.import_module(f"{kit.MODULE}.check_files").shutil
+    real = shutil.disk_usage
+    shutil.disk_usage = lambda path: real(path)._replace(free=1000)
     try:
         assert "1 kB are free" in found(scene)["space"]
     finally:
-        check.shutil.disk_usage = real
+        shutil.disk_usage = real
     assert "space" not in found(scene)
+
+
+def test_two_scenes_that_render_to_the_same_files() -> None:
+    one, _ = shot_scene()
+    two = one.copy()
+    two.name = "Other"
+    for scene in (one, two):
+        (problem,) = (each for each in check.problems(scene, fresh=True) if each.key == "same_files")
+        assert problem.level == check.ERROR and one.name in problem.text and "Other" in problem.text, problem
+        assert "frame_####.exr" in problem.text
+    two.render.filepath = str(kit.folder("another") / "frame_####")
+    assert "same_files" not in found(one)
+    # A scene that renders nothing takes no files.
+    two.render.filepath = one.render.filepath
+    two.camera = None
+    assert "same_files" not in found(one)
+
+
+def test_stereo_in_one_file() -> None:
+    scene, _ = shot_scene()
+    scene.render.use_multiview = True
+    scene.render.image_settings.views_format = "MULTIVIEW"
+    told = found(scene)
+    assert ("stereo" in told) == (bpy.app.version >= (5, 0)), told
+    scene.render.image_settings.views_format = "INDIVIDUAL"
+    assert "stereo" not in found(scene)
+
+
+def test_frames_out_of_date_are_listed_with_their_reasons() -> None:
+    import hush
+
+    scene, frames = shot_scene()
+    assert "stale" not in found(scene)
+    hush.denoise_sequence(**importlib.import_module(f"{kit.MODULE}.shot").sequences(scene)[0])
+    assert "stale" not in found(scene)
+    kit.rewrite(frames / "frame_0001.exr", lambda name, pixels: pixels * 2 if ".Combined." in name else pixels)
+    texts = [problem.text for problem in check.problems(scene, fresh=True) if problem.key == "stale"]
+    assert "Frame 1 is out of date: the render changed. Press Denoise Shot" in texts, texts
+    assert "Frames 2-3 are out of date: a frame beside it changed. Press Denoise Shot" in texts, texts
+    scene.hush.lam = 9.0
+    assert found(scene)["stale"] == "Frames 1-5 are out of date: λ Noise to Keep changed. Press Denoise Shot"
+
+
+def test_a_missing_folder_is_told_in_words() -> None:
+    scene, frames = shot_scene()
+    scene.hush.input_folder = str(frames / "not" / "there")
+    told = found(scene)
+    assert "Errno" not in " ".join(told.values()), told
+    assert "not rendered yet" in told["frames"] and str(frames / "not" / "there") in told["frames"]

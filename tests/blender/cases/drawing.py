@@ -1,4 +1,4 @@
-"""Panel and node are drawn in every state without an error; a stand-in for Blender's layout notes what they draw."""
+"""The panels are drawn in every state without an error; a stand-in for Blender's layout notes what they draw."""
 
 from __future__ import annotations
 
@@ -47,14 +47,12 @@ class Operator:
 
 
 def draw() -> str:
-    """Draws all panels and nodes; returns what they show."""
+    """Draws all panels; returns what they show."""
     seen: list[str] = []
     context = SimpleNamespace(scene=bpy.context.scene, region=SimpleNamespace(width=400), preferences=bpy.context.preferences)
     panel = frames.module("panel")
-    for name in ("RENDER_PT_hush", "RENDER_PT_hush_settings", "RENDER_PT_hush_folders"):
+    for name in ("RENDER_PT_hush", "RENDER_PT_hush_settings", "RENDER_PT_hush_folders", "NODE_PT_hush"):
         getattr(panel, name).draw(SimpleNamespace(layout=Layout(seen)), context)
-    for node in frames.module("node").nodes(bpy.context.scene):
-        panel.draw_node(node, context, Layout(seen))
     return "\n".join(seen)
 
 
@@ -76,29 +74,40 @@ def test_before_anything_is_known() -> None:
 
 def test_problems_and_status_are_shown() -> None:
     shot = kit.copy_of_shot("drawn")
-    frames.make_denoised(shot, [1, 2])
-    frames.write_manifest(shot, [1, 2])
-    scene, node = frames.scene_with_node(shot)
+    scene, _ = frames.scene_with_node(shot)
+    frames.denoise(scene, [1, 2])
     scene.cycles.use_animated_seed = False
     look(scene)
     shown = draw().replace("\n", " ")
     assert "2 of 5 frames denoised, 3 to do" in shown
     assert "operator hush.fix" in shown and "seed" in shown
-    assert "operator hush.add_node" not in shown
 
 
 def test_the_node_tells_why_it_passes_the_image() -> None:
+    """Beside the nodes and in the render properties."""
     shot = kit.copy_of_shot("why")
-    frames.make_denoised(shot, [1])
     scene, _ = frames.scene_with_node(shot)
+    frames.denoise(scene, [1])
+    scene.frame_set(1)
+    frames.module("node").sync(scene)
     assert "passes through" not in draw()
     scene.frame_set(2)
-    assert "passes through" in draw().replace("\n", " ")
+    frames.module("node").sync(scene)
+    assert draw().replace("\n", " ").count("this frame is not denoised yet; press Denoise Shot") == 2
     scene.frame_set(1)
     scene.render.resolution_percentage = 50
     frames.module("node").sync(scene)
     shown = draw().replace("\n", " ")
     assert "96 × 54" in shown and "48 × 27" in shown
+
+
+def test_a_node_of_an_earlier_hush_can_be_replaced_from_the_panels() -> None:
+    scene = kit.build_scene()
+    tree = frames.module("compat").ensure_compositor_tree(scene)
+    node = frames.module("node").new(tree)
+    node.node_tree.animation_data_clear()
+    look(scene)
+    assert draw().count("operator hush.fix") == 2
 
 
 def test_many_scenes_and_layers() -> None:
@@ -108,7 +117,7 @@ def test_many_scenes_and_layers() -> None:
     scene.hush.driver_add("lam")
     look(scene)
     shown = draw()
-    assert "prop source_scene" in shown and "prop_search view_layer" in shown and "prop_search vector_layer" in shown
+    assert "prop scene" in shown and "prop_search view_layer" in shown and "prop_search vector_layer" in shown
     assert "driver" in shown
 
 
@@ -119,16 +128,8 @@ def test_paths_that_cannot_be_used() -> None:
     draw()
 
 
-def test_a_look_finds_what_changed() -> None:
-    """As the timer does: new frames are shown without anything else being done."""
-    shot = kit.copy_of_shot("looks")
-    scene, node = frames.scene_with_node(shot)
-    refresh = frames.module("refresh")
-    assert [window.scene for window in bpy.context.window_manager.windows] == [scene]
-    refresh._look()
-    assert refresh.problems(scene) is not None
-    assert not frames.module("node").is_on(node)
-    frames.make_denoised(shot, [1])
-    refresh._look()
-    assert frames.module("node").is_on(node)
-    kit.assert_close(frames.composite(scene, 1, kit.folder("out")), frames.picture(1), 1e-5)
+def test_the_sidebar_is_beside_the_compositor_only() -> None:
+    panel = frames.module("panel").NODE_PT_hush
+    for kind, there in (("CompositorNodeTree", True), ("ShaderNodeTree", False)):
+        assert panel.poll(SimpleNamespace(space_data=SimpleNamespace(tree_type=kind))) == there
+    assert (panel.bl_space_type, panel.bl_region_type, panel.bl_category) == ("NODE_EDITOR", "UI", "Hush")

@@ -9,12 +9,7 @@ USE = """
 import bpy, sys, kit
 kit.enable()
 scene = kit.build_scene()
-if bpy.app.version >= (5, 0):
-    tree = scene.compositing_node_group = bpy.data.node_groups.new("Comp", "CompositorNodeTree")
-else:
-    scene.use_nodes = True
-    tree = scene.node_tree
-tree.nodes.new("HushTemporalDenoiseNode")
+bpy.ops.hush.add_node()
 scene.hush.lam = 2.0
 print("in use", flush=True)
 """

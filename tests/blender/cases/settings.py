@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import bpy
@@ -113,41 +112,42 @@ def test_status_tells_how_far_it_is() -> None:
     shot = kit.copy_of_shot("status")
     scene = kit.build_scene(render_to=shot)
     assert told(scene) == "not denoised yet: press Denoise Shot"
-    frames.make_denoised(shot, [1, 2])
-    frames.write_manifest(shot, [1, 2], neighbours=1)
+    frames.denoise(scene, [1, 2])
     assert told(scene) == "2 of 5 frames denoised, 3 to do"
-    frames.make_denoised(shot, [3, 4, 5])
-    frames.write_manifest(shot, [3, 4, 5], neighbours=1)
+    frames.denoise(scene)
     assert told(scene) == "5 of 5 frames denoised"
     scene.hush.lam = 4.0
     # Without forgetting: the settings are compared each time.
-    assert frames.module("status").shot_status(scene).text == "0 of 5 frames denoised, 5 are out of date: λ changed"
-    frames.write_manifest(shot, [1, 2, 3], **{"lambda": 4.0})
-    assert told(scene) == "3 of 5 frames denoised, 2 are out of date: λ changed"
+    assert frames.module("status").shot_status(scene).text == "0 of 5 frames denoised, 5 are out of date: λ Noise to Keep changed"
+    frames.denoise(scene, [1, 2, 3, 4])
+    assert told(scene) == "4 of 5 frames denoised, 1 is out of date: λ Noise to Keep changed"
     scene.hush.lam = 1.0
-    key_lambda(scene, {1: 4.0, 3: 4.0, 4: 1.0})
+    key_lambda(scene, {1: 4.0, 4: 4.0, 5: 1.0})
     assert told(scene) == "5 of 5 frames denoised"
 
 
 def test_status_tells_what_changed() -> None:
     shot = kit.copy_of_shot("changed")
     scene = kit.build_scene(render_to=shot)
-    frames.make_denoised(shot, list(kit.FRAMES))
-    frames.write_manifest(shot, list(kit.FRAMES), neighbours=1)
+    frames.denoise(scene)
     for name, value, reason in (
-        ("window", "1", "the window changed"),
-        ("use_light_passes", True, "light passes were turned on"),
-        ("keep_noisy", True, "Keep Noisy Image was turned on"),
+        ("window", "1", "the Window changed"),
+        ("use_light_passes", True, "Light Passes changed"),
+        ("keep_noisy", True, "Keep Noisy Image changed"),
     ):
         before = getattr(scene.hush, name)
         setattr(scene.hush, name, value)
         assert told(scene) == f"0 of 5 frames denoised, 5 are out of date: {reason}"
         setattr(scene.hush, name, before)
-    # Frame 3 rendered again: it and its neighbours are out of date.
-    os.utime(shot / "frame_0003.exr", (1e9, 1e9))
-    assert told(scene) == "2 of 5 frames denoised, 3 are out of date: the render changed"
-    (shot / "denoised" / "frame_0001.exr").unlink()
-    assert told(scene) == "1 of 5 frames denoised, 3 are out of date: the render changed, 1 to do"
+    # Frame 1 rendered again: it and those that it helps are out of date.
+    kit.rewrite(shot / "frame_0001.exr", lambda name, pixels: pixels * 2 if ".Combined." in name else pixels)
+    text = told(scene)
+    assert text.startswith("2 of 5 frames denoised, 3 are out of date: "), text
+    assert "the render changed" in text and "a frame beside it changed" in text
+    (shot / "denoised" / "frame_0005.exr").unlink()
+    assert told(scene).startswith("1 of 5 frames denoised, 3 are out of date: ") and told(scene).endswith(", 1 to do")
+    (shot / "frame_0005.exr").unlink()
+    assert told(scene).endswith(", 1 is not rendered"), told(scene)
 
 
 def test_status_after_a_run_that_was_stopped() -> None:
@@ -155,32 +155,34 @@ def test_status_after_a_run_that_was_stopped() -> None:
 
     shot = kit.copy_of_shot("stopped")
     scene = kit.build_scene(render_to=shot)
-    pattern, output = str(shot / "frame_####.exr"), str(shot / "denoised")
-    hush.denoise_sequence(pattern, output)
+    frames.denoise(scene)
     assert told(scene) == "5 of 5 frames denoised"
     scene.hush.lam = 8.0
+    (arguments,) = frames.module("shot").sequences(scene)
     written: list[int] = []
 
     def count(event: dict) -> None:
         if event["event"] == "frame":
             written.append(event["frame"])
 
-    stopped = hush.denoise_sequence(pattern, output, lam=8.0, progress=count, cancel=lambda: len(written) >= 2)
+    stopped = hush.denoise_sequence(**arguments, progress=count, cancel=lambda: len(written) >= 2)
     assert stopped["interrupted"] and 2 <= len(written) < 5, (stopped, written)
     left = 5 - len(written)
-    told_left = f"{left} {'is' if left == 1 else 'are'} out of date: denoising was stopped"
-    assert told(scene) == f"{len(written)} of 5 frames denoised, {told_left}"
-    hush.denoise_sequence(pattern, output, lam=8.0)
+    text = told(scene)
+    assert text.startswith(f"{len(written)} of 5 frames denoised, {left} {'is' if left == 1 else 'are'} out of date: "), text
+    frames.denoise(scene)
     assert told(scene) == "5 of 5 frames denoised"
 
 
 def test_status_without_frames_or_with_a_bad_manifest() -> None:
     empty = kit.folder("empty")
     scene = kit.build_scene(render_to=empty)
-    assert told(scene) == f"no rendered frames in {empty}: render the animation"
+    assert told(scene) == f"no rendered frames in {empty}: press Render Animation"
+    scene.render.filepath = str(empty / "not" / "there" / "frame_####")
+    assert told(scene) == f"no rendered frames in {empty / 'not' / 'there'}: press Render Animation"
     shot = kit.copy_of_shot("bad")
     scene.render.filepath = str(shot / "frame_####")
-    output = frames.make_denoised(shot, [1])
+    frames.denoise(scene, [1])
     for text in (
         "",
         "{",
@@ -188,5 +190,23 @@ def test_status_without_frames_or_with_a_bad_manifest() -> None:
         '{"frames": {"frame_0001.exr": 7}, "settings": {}}',
         '{"frames": {"frame_0001.exr": {"settings": []}}, "settings": 3}',
     ):
-        (output / "hush-manifest.json").write_text(text)
-        assert told(scene).startswith("0 of 5 frames denoised, 1 is out of date"), (text, told(scene))
+        (shot / "denoised" / "hush-manifest.json").write_text(text)
+        assert not told(scene).startswith("1 of 5"), (text, told(scene))
+
+
+def test_files_of_another_scene_are_asked_for_as_they_are_denoised() -> None:
+    """View layers that the files lack are left out, as Denoise Shot leaves them out."""
+    import hush
+
+    shot = kit.copy_of_shot("renamed")
+    scene = kit.build_scene(render_to=shot)
+    scene.view_layers[0].name = "Another Name"
+    hush.denoise_sequence(str(shot / "frame_####.exr"), str(shot / "denoised"))
+    assert told(scene) == "5 of 5 frames denoised"
+
+
+def test_a_range_without_frames() -> None:
+    scene = kit.build_scene(render_to=kit.copy_of_shot("range"))
+    scene.frame_start, scene.frame_end = 5, 5
+    assert "not denoised yet" in told(scene)
+    assert frames.module("status").shot_status(scene).total == 1

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import atexit
 import os
 from pathlib import Path
 
@@ -10,10 +9,6 @@ import bpy
 import kit
 
 USER = Path(os.environ["BLENDER_USER_RESOURCES"])
-
-if bpy.app.version < (4, 3):
-    # The bpy 4.2 module crashes at exit once any add-on with a property that has an update callback was uninstalled.
-    atexit.register(os._exit, 0)
 
 
 def test_installing_again_over_itself() -> None:

@@ -1,0 +1,56 @@
+# SPDX-FileCopyrightText: 2026 Hush authors
+# SPDX-License-Identifier: Apache-2.0
+"""The Fix buttons of Check Shot: the steps of Prepare Shot one by one, and mending the node."""
+
+import bpy
+from bpy.props import StringProperty
+
+from . import messages, node, prepare, refresh
+
+
+class HUSH_OT_fix(bpy.types.Operator):
+    """Change the setting that this problem comes from"""
+
+    bl_idname = "hush.fix"
+    bl_label = "Fix"
+    bl_options = {"REGISTER", "UNDO", "INTERNAL"}
+
+    key: StringProperty(name="Problem", description="Key of the problem, such as passes", options={"SKIP_SAVE"})
+    scene: StringProperty(name="Scene", description="Scene to change. Empty: the open one", options={"SKIP_SAVE"})
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Fixes one problem."""
+        scene = prepare.scene_of(self, context)
+        if scene is None:
+            return {"CANCELLED"}
+        if self.key == "save" and not bpy.app.background:
+            return bpy.ops.wm.save_as_mainfile("INVOKE_DEFAULT") and {"FINISHED"}
+        if self.key == "node":
+            told = _mend_nodes(scene)
+        elif self.key in prepare.STEPS:
+            try:
+                told = prepare.apply(scene, (self.key,))
+            except prepare.PrepareError as error:
+                self.report({"ERROR"}, str(error))
+                return {"CANCELLED"}
+        else:
+            self.report({"ERROR"}, messages.text("no_fix", key=self.key or "nothing"))
+            return {"CANCELLED"}
+        self.report({"INFO"}, "; ".join(told) or messages.text("right_already"))
+        return {"FINISHED"}
+
+
+def _mend_nodes(scene: bpy.types.Scene) -> list[str]:
+    count = node.repair(scene)
+    refresh.request(now=True)
+    return [messages.text("node_replaced", count=count)] if count else []
+
+
+def register() -> None:
+    """Adds the operator."""
+    bpy.utils.register_class(HUSH_OT_fix)
+
+
+def unregister() -> None:
+    """Takes the operator away."""
+    bpy.utils.unregister_class(HUSH_OT_fix)

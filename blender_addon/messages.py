@@ -1,0 +1,303 @@
+# SPDX-FileCopyrightText: 2026 Hush authors
+# SPDX-License-Identifier: Apache-2.0
+"""Every message that an artist reads, by key. Each says what is the matter and which button or field helps.
+
+A field with words behind its colon counts: `{count:frame is}` gives `1 frame is` or `2 frames are`, and of a list of frames
+`{frames:frame is}` gives `frame 3 is` or `frames 3-5, 9 are`.
+"""
+
+import re
+import string
+from collections.abc import Iterable
+
+TEXTS = {
+    # Scenes and their settings
+    "no_scene": "There is no scene {name}",
+    "linked": "The scene is linked from {file}: open that file",
+    "engine": "The render engine is {engine}; Hush denoises renders of Cycles: choose Cycles under Render Engine",
+    "camera": "The scene has no camera: add one",
+    "camera_inactive": "The scene has no active camera: press Fix, or choose one under Scene › Camera",
+    "save": "The file is not saved yet, and the output path is beside it (//): save the file first",
+    "no_layers": "No view layer is used for rendering: turn on Use for Rendering in a view layer",
+    "passes": "View layer {layer} renders without {passes}, which make the result better: press Prepare Shot",
+    "seed": "The seed is not animated: every frame has the same noise, so its neighbours cannot help. Press Prepare Shot",
+    "denoising": "Cycles denoises each frame already: that costs time and takes detail that Hush could keep. Press Prepare Shot",
+    "motion_blur": (
+        "With motion blur the Vector pass of {layers} is empty: neighbours cannot help without a view layer for the vectors. "
+        "Press Prepare Shot"
+    ),
+    "vector_layers": (
+        "Several view layers with motion blur take their vectors from one, Vectors From under Settings: "
+        "where they show different things, neighbours help less"
+    ),
+    "single_layer": "Render Single Layer is on: view layer {layer} with the vectors is not rendered. Turn it off",
+    "vector_pass": "View layer {layer} is to give the motion vectors, but does not render them: turn on its Vector pass",
+    "vector_blur": "View layer {layer} is to give the motion vectors, but has motion blur: turn off its Motion Blur",
+    "format": "The output is {format}: only OpenEXR MultiLayer keeps the passes. Press Prepare Shot",
+    "lossy_codec": "The codec {codec} is lossy and blurs the passes: choose ZIP under Output › Codec",
+    "half": "The output has 16 bit: very bright pixels and fine steps are lost before denoising. Choose Float (Full) under Output",
+    "overwrite_off": "Overwrite is off under Output: frames of an earlier render stay, also where the scene changed",
+    "placeholders": "Placeholders are on under Output: empty files stand for frames that are not rendered yet",
+    "sequencer": "The Sequencer has strips and is rendered in place of the scene: turn off Post Processing › Sequencer",
+    "lambda_driven": (
+        "λ Noise to Keep follows {what}: its value now, {value:g}, is used for all frames. Keyframes are followed, so bake it to keys"
+    ),
+    "lambda_driver_now": "λ has a driver or NLA strips: its value now is used for all frames",
+    "lambda_outside": "λ Noise to Keep is {value:g} at frame {frame}: what is outside {low:g} to {high:g} is cut off",
+    "frame_step": (
+        "Frame Step is {step}: motion vectors point at the frame right beside, which is not rendered, so neighbours cannot help. "
+        "Set Frame Step to 1"
+    ),
+    "path": "The output path of the scene cannot be used: {reason}. Change Output › Output Path",
+    "path_number": "The output path {path} has no frame number: write # where it belongs in Output › Output Path",
+    "same_files": (
+        "The scenes {one} and {other} render to the same files, {path}: one takes the other's frames for its own. "
+        "Give one of them another Output Path"
+    ),
+    "stereo_one_file": (
+        "Stereo: the views go to one file, of which Blender 5 composites only the first. "
+        "Set Output › Views Format to Individual before rendering"
+    ),
+    # Files
+    "library": "The Hush library does not load in this Blender: {reason}. Install the extension for this system",
+    "folder_same": "The denoised frames would replace the rendered ones in {folder}: choose another folder under Denoised Frames",
+    "folder_file": "{place} is a file, not a folder, so frames cannot be written into {folder}: choose another folder under Folders",
+    "folder_closed": "Nothing can be written into {folder}: {reason}. Choose another folder under Folders",
+    "range_empty": "The frame range of the scene is empty: set its Frame Start and End",
+    "unrendered_all": "The shot is not rendered yet, there are no frames in {folder}: press Render Animation",
+    "unrendered": "{frames:frame is} not rendered: press Render Animation",
+    "space": "The denoised frames need about {needed}, but {free} are free at {place}: make room or choose another folder",
+    "first_frame": "{file} cannot be denoised: {reason}",
+    "older_size": (
+        "{file} has {columns} × {rows} pixels, the scene renders {wanted_columns} × {wanted_rows}: it is of an earlier render. "
+        "Press Render Animation"
+    ),
+    "older_layer": "{file} has no view layer {layers}: it is of an earlier render. Press Render Animation",
+    "older_pass": "{file} lacks {passes} of {layer}, turned on since it was rendered: press Render Animation",
+    "strange_layers": "{file} has no view layer {layers}, only {there}: choose other files under Rendered Frames, or render again",
+    "lossy_file": "{file} has lossy compression ({compression}): choose ZIP under Output › Codec and press Render Animation",
+    "stale": "{frames:frame is} out of date: {reason}. Press Denoise Shot",
+    "frames_are": "{frames:frame is}",
+    "failed": "{frames:frame} could not be denoised: {reason}",
+    # Composite Denoised
+    "composite_no_nodes": "The scene has no compositor nodes: press Add Temporal Denoise Node",
+    "composite_folder_same": "Composited frames would replace others in {folder}: choose another folder under Composited Frames",
+    "composite_nothing": "No frame of this shot is denoised: press Denoise Shot first",
+    "composite_library": "The Hush library is of another version than the extension: install the extension again",
+    "composite_copy": "The copy of the file that is composited cannot be saved: {reason}",
+    "composite_missing": "{frames:frame is} not denoised: press Denoise Shot",
+    "composite_size": "{frames:frame} cannot be composited: {reason}. Press Render Animation, then Denoise Shot",
+    "composite_scene": (
+        "{frames:frame} cannot be composited: {reason}. Give each scene an Output Path of its own, then press Render Animation"
+    ),
+    "composite_damaged": "{frames:frame} cannot be composited: {reason}",
+    "composite_failed": "{frames:frame} could not be composited: {reason}",
+    "composite_old": "{frames:frame is} out of date ({reason}): composited with the old denoised image",
+    "composite_noisy": "{frames:frame is} not denoised ({reason}): composited with noise",
+    "composite_stopped": "Compositing was stopped; {count:frame} composited",
+    "composite_done": "{count:frame} composited in {clock}, in {folder}",
+    "composite_some": "{count} of {total:frame} composited",
+    "composite_outputs": "File Output node {node} would replace the frames of the shot and was left out",
+    "composite_other_scene": "Scene {scene} is in the composite too: it is rendered again, noisy",
+    "composite_lost": "The frames do not hold {passes} of view layer {layer}; the composite does without",
+    "composite_scripts": (
+        "Python of the file was not run for compositing, so its drivers stood still: "
+        "turn on Preferences › Save & Load › Auto Run Python Scripts if you trust the file"
+    ),
+    "composite_addon_node": "Node {node} is of an add-on that is not there in the process that composites: turn the add-on on, or mute it",
+    "composite_linked": "The scene is linked from {file}: open that file",
+    # Render and Denoise Shot
+    "whole_kept": "{frames:frame is} rendered already and kept: turn on Render Again to render all frames",
+    "whole_failed": "{frames:frame is} not rendered: see what Blender reports, then press Render and Denoise Shot again",
+    "whole_stopped": "Rendering was stopped: press Render and Denoise Shot again to go on",
+    "whole_gone": "Scene {name} is gone",
+    "whole_done": "{total:frame} rendered and denoised, {rendered} of them now",
+    "whole_composited": "{total:frame} rendered, denoised and composited, {rendered} of them rendered now",
+    # Check Shot
+    "ready": "The shot is ready",
+    "problems": "{count:problem}",
+    "no_fix": "There is no fix for {key}: press Check Shot to see what there is",
+    "right_already": "That was right already",
+    # Prepare Shot
+    "prepare_engine": "Hush denoises renders of Cycles; the render engine of {scene} is {engine}: choose Cycles under Render Engine",
+    "prepare_linked": "The scene {scene} is linked from another file and cannot be changed here: open that file",
+    "prepared": "Shot prepared. {changes}",
+    "prepared_already": "The shot was prepared already",
+    "nothing_prepared": "There is nothing to undo in {scene}: Prepare Shot changed nothing",
+    "unprepared": "The settings are as they were before Prepare Shot",
+    "undo_gone": "{name} is gone",
+    "undo_by_hand": "{name} was changed since and stays as it is",
+    "undo_failed": "{name} could not be put back: {reason}",
+    "set_engine": "Render engine: Cycles",
+    "set_camera": "Camera of the scene: {camera}",
+    "set_passes": "View layer {layer}: {passes} on",
+    "set_seed": "Sampling: animated seed on",
+    "set_denoising": "Sampling: Cycles' own denoising off",
+    "set_format": "Output: OpenEXR MultiLayer, ZIP",
+    "set_codec": "Output: codec ZIP",
+    "set_depth": "Output: 32 bit",
+    "set_vector_layer": "View layer {layer} added: 1 sample, without motion blur, for the motion vectors",
+    "set_vectors_from": "Motion vectors from view layer {layer}",
+    "set_overwrite": "Output: Overwrite on",
+    "set_placeholders": "Output: Placeholders off",
+    "set_sequencer": "Post Processing: Sequencer off",
+    "set_single_layer": "Render Single Layer off",
+    "set_vector_pass": "View layer {layer}: rendered, Vector on, motion blur off",
+    "set_frame_step": "Frame Step: 1",
+    # How far a shot is
+    "status_range_empty": "the scene's frame range is empty: set its Frame Start and End",
+    "status_failed": "denoising failed: {reason}",
+    "status_unrendered": "no rendered frames in {folder}: press Render Animation",
+    "status_none": "not denoised yet: press Denoise Shot",
+    "status_done": "{done} of {total:frame} denoised",
+    "status_stale": "{count:is} out of date: {reasons}",
+    "status_some_failed": "{count} failed: {reason}",
+    "status_some_unrendered": "{count:is} not rendered",
+    "status_to_do": "{count} to do",
+    "status_wrong_size": "denoised at {columns} × {rows}, the scene renders {wanted_columns} × {wanted_rows}",
+    "status_rendered": "{count} of {total}",
+    "frames_from": "From {path}",
+    "frames_to": "To {path}",
+    # The node, and why it passes the image through
+    "node_there": "The compositor has a Temporal Denoise node already",
+    "node_tree_linked": "The compositor nodes are linked from another file: add the node there",
+    "node_no_editor": "Open the compositor's nodes to add the node there",
+    "node_old": (
+        "The Temporal Denoise node is of an earlier Hush and shows nothing: press Fix to replace it; its links and settings are kept"
+    ),
+    "node_broken": (
+        "The inside of the node {node} was copied or changed since Hush made it, so it passes the image through: press Fix to make it anew"
+    ),
+    "node_replaced": "{count:node} made anew",
+    "node_off": "The image passes through: {reason}",
+    "node_linked": "the node is linked from {file}, and linked nodes show nothing; add one in this file",
+    "node_inside": "the inside of the node was copied or changed since Hush made it; press Check Shot and Fix",
+    "node_owners": "the scenes {scenes} use this node and have different frames; choose one as its Scene",
+    "node_stereo": "stereo views are put in by Composite Denoised only",
+    "node_stretch": "time is stretched, which files of frames cannot follow; set Time Stretching Old and New to the same",
+    "node_rendered": "this frame was rendered by itself and is newer than its file; press Render Animation, then Denoise Shot",
+    "node_stale": "this frame is out of date: {reason}; press Denoise Shot",
+    "node_missing": "this frame is not denoised yet; press Denoise Shot",
+    "node_failed": "this frame could not be denoised: {reason}",
+    "node_unrendered": "this frame is not rendered; press Render Animation",
+    "node_layer": "the denoised frame has no view layer {layer}; choose another as the node's View Layer",
+    "node_unknown": "its files have not been looked at yet",
+}
+
+# Why a denoised frame is not what denoising now would give, by `kind` of `hush.check_sequence`.
+STALE = {
+    "lambda": "λ Noise to Keep changed",
+    "window": "the Window changed",
+    "layers": "the view layers changed",
+    "view": "the stereo views changed",
+    "vector_layer": "Vectors From changed",
+    "guides": "the guides changed",
+    "passes": "the passes changed",
+    "aovs": "Light Passes changed",
+    "keep_noisy": "Keep Noisy Image changed",
+    "skip": "what is left out changed",
+    "model": "this Hush has other weights",
+    "renderer": "the renderer changed",
+    "several": "several settings changed",
+    "input_changed": "the render changed",
+    "input_missing": "its rendered frame is gone",
+    "input_damaged": "its rendered frame is damaged",
+    "neighbours": "a frame beside it changed",
+    "output_damaged": "the denoised file is damaged",
+    "output_changed": "the denoised file was changed by another program",
+    "unfinished": "denoising was stopped",
+    "failed": "denoising failed",
+    "foreign": "not written by Hush",
+}
+
+# Words of the command line in errors of the library, and what stands for them in Blender.
+_FOR_ARTISTS = (
+    (r"\[Errno \d+\] ", ""),
+    (r" ?\(os error \d+\)", ""),
+    (r"pass --window 0\b", "set Window to This Frame Only"),
+    (r"pass --vector-layer(?: NAME)?", "choose it as Vectors From"),
+    (r"\(--vector-layer\)", "(Vectors From)"),
+    (r"--vector-layer\b", "Vectors From"),
+    (r"leave --aov all out", "turn Light Passes off"),
+    (r"\(--aov\)", "(Light Passes)"),
+    (r"pass --output, or set output in hush\.toml", "choose a folder under Denoised Frames"),
+    (
+        r"choose another output folder or set overwrite to true to replace (?:what is there|them)",
+        "choose another folder under Denoised Frames, or delete them",
+    ),
+    (r"pass --overwrite to replace them", "choose another folder under Denoised Frames, or delete them"),
+    (r"pass --enable to denoise it all the same", "ask who prepared the shot"),
+    # What has no field in Blender is left out.
+    (r"(?:,? or |; |, |: )?pass --[\w-]+(?: [A-Z\d]+\b)?", ""),
+    (r"(?<!\w)--([a-z][\w-]*)", r"\1"),
+)
+_PLURALS = {"is": "are", "was": "were", "has": "have"}
+
+
+def text(key: str, **fields: object) -> str:
+    """The message with its fields filled in.
+
+    Raises:
+        KeyError: There is no such message, or a field of it is not given.
+    """
+    template = TEXTS[key]
+    made = _WORDS.vformat(template, (), fields)
+    return sentence(made) if template.startswith("{frames:") else made
+
+
+def stale(kind: str | None, reason: str | None = None) -> str:
+    """Why a frame is out of date, from what `hush.check_sequence` says of it."""
+    known = STALE.get(kind or "")
+    if known is None or kind in ("failed", "several"):
+        return of_error(reason) if reason else known or "it changed"
+    return known
+
+
+def of_error(error: object) -> str:
+    """An error of the library or the system in words for artists: no options of the command line, no numbers of errors."""
+    if isinstance(error, OSError) and error.strerror:
+        place = f"{error.filename}: " if error.filename else ""
+        made = f"{place}{error.strerror}"
+    else:
+        made = str(error) or type(error).__name__
+    for pattern, words in _FOR_ARTISTS:
+        made = re.sub(pattern, words, made)
+    return made.strip()
+
+
+def sentence(words: str) -> str:
+    """With a capital, except for λ."""
+    return words[:1].upper() + words[1:] if not words.startswith("λ") else words
+
+
+def ranges(frames: Iterable[int]) -> str:
+    """Frames as 3-5, 9."""
+    runs: list[list[int]] = []
+    for frame in sorted(frames):
+        if runs and frame == runs[-1][1] + 1:
+            runs[-1][1] = frame
+        else:
+            runs.append([frame, frame])
+    return ", ".join(f"{first}-{last}" if first != last else str(first) for first, last in runs)
+
+
+def _in_plural(word: str) -> str:
+    return _PLURALS.get(word, f"{word}s")
+
+
+class _Words(string.Formatter):
+    """Counts where a field has words behind its colon; all else as ever."""
+
+    def format_field(self, value: object, spec: str) -> str:
+        words = spec.split()
+        if not words or not all(word.isalpha() and len(word) > 1 for word in words):
+            return super().format_field(value, spec)
+        several = value != 1 if isinstance(value, int) else len(value) != 1
+        words = [_in_plural(word) for word in words] if several else words
+        if isinstance(value, int):
+            return " ".join([str(value), *words])
+        # Of frames the numbers stand behind the noun: frames 3-5 are.
+        return " ".join([words[0], ranges(value), *words[1:]])
+
+
+_WORDS = _Words()

@@ -1,0 +1,124 @@
+"""The messages: each is used, has all its fields, and speaks to artists."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import string
+from pathlib import Path
+
+import kit
+
+messages = importlib.import_module(f"{kit.MODULE}.messages")
+SOURCES = sorted(Path(messages.__file__).parent.glob("*.py"))
+# A file beside the frames that artists do not know, options of the command line, and numbers of errors.
+FORBIDDEN = re.compile(r"--|\bpass -|\bpass --|hush\.toml|hush\.json|\[Errno|os error|None\b|==|####\.exr|layers all")
+
+
+def every_text() -> dict[str, str]:
+    return {**messages.TEXTS, **{f"stale {key}": text for key, text in messages.STALE.items()}}
+
+
+def test_no_words_of_the_command_line() -> None:
+    for key, text in every_text().items():
+        found = FORBIDDEN.search(text)
+        assert not found, f"{key}: {found[0]!r} in {text!r}"
+
+
+def test_fields_are_named() -> None:
+    for key, text in every_text().items():
+        for _, field, _, conversion in string.Formatter().parse(text):
+            assert field is None or field.isidentifier(), f"{key}: {text}"
+            assert conversion is None, f"{key}: {text}"
+
+
+def test_counts_agree() -> None:
+    """What is counted has its noun and verb from the count."""
+    for key, text in every_text().items():
+        plain = re.sub(r"{[^}]*}", "{}", text)
+        assert not re.search(r"{} (frames?|problems?|files?|nodes?) ", plain), f"{key}: {text}"
+    assert messages.text("unrendered", frames=[3]) == "Frame 3 is not rendered: press Render Animation"
+    assert messages.text("unrendered", frames=[9, 3, 4]) == "Frames 3-4, 9 are not rendered: press Render Animation"
+    assert messages.text("problems", count=1) == "1 problem" and messages.text("problems", count=2) == "2 problems"
+    assert messages.text("status_stale", count=1, reasons="x") == "1 is out of date: x"
+    assert messages.text("status_stale", count=2, reasons="x") == "2 are out of date: x"
+
+
+def test_every_message_is_used_and_there() -> None:
+    code = {path: path.read_text(encoding="utf-8") for path in SOURCES if path.name != "messages.py"}
+    everything = "\n".join(code.values())
+    unused = [key for key in messages.TEXTS if f'"{key}"' not in everything]
+    assert unused == [], unused
+    for path, text in code.items():
+        for key in re.findall(r"""messages\.text\(\s*"(\w+)\"""", text):
+            assert key in messages.TEXTS, f"{path.name} asks for {key}"
+
+
+def test_no_report_has_words_of_its_own() -> None:
+    """Nothing is told to artists but from the table."""
+    others = {"denoise.py", "composite.py", "job.py", "build.py", "worker.py"}
+    for path in SOURCES:
+        if path.name not in others:
+            found = re.search(
+                r"""(report\(\{[^}]*\}, |(Shot|Prepare|Status)Error\(|label\(text=)f?"[A-Za-z{]""", path.read_text(encoding="utf-8")
+            )
+            assert not found, f"{path.name}: {found[0]}"
+
+
+def test_problems_name_a_button_or_a_field() -> None:
+    """Where Check Shot finds something, its words say what to do about it."""
+    scene, files = (importlib.import_module(f"{kit.MODULE}.{name}") for name in ("check_scene", "check_files"))
+    code = "".join(Path(module.__file__).read_text(encoding="utf-8") for module in (scene, files))
+    keys = re.findall(r"""problem\(\s*"\w+",\s*"(\w+)\"""", code)
+    assert len(keys) > 25, keys
+    advice = re.compile(
+        r"press |Press |choose |Choose |turn |Turn |set |Set |save the file|open that file|add one|Give one|make room|Install|bake|"
+        r"under Output|Vectors From|cannot be denoised|is cut off"
+    )
+    for key in keys:
+        assert advice.search(messages.TEXTS[key]), f"{key}: {messages.TEXTS[key]}"
+
+
+def test_reasons_of_the_library() -> None:
+    kinds = "lambda, window, layers, view, vector_layer, guides, passes, aovs, keep_noisy, skip, model, renderer, several, input_changed, \
+input_missing, input_damaged, neighbours, output_damaged, output_changed, unfinished, failed, foreign"
+    for kind in kinds.split(", "):
+        assert messages.stale(kind) == messages.STALE[kind]
+    assert messages.stale("failed", "the disk is full (os error 28)") == "the disk is full"
+    assert messages.stale("of a newer Hush", "because; pass --so") == "because"
+
+
+def test_errors_lose_the_words_of_the_command_line() -> None:
+    cases = {
+        "frame 12 has no Vector pass: enable it, or pass --window 0": "or set Window to This Frame Only",
+        "a Vector pass of zeros: render Vector in a second view layer and pass --vector-layer NAME": "choose it as Vectors From",
+        "; the view layer Vectors has one, which --vector-layer can take": "which Vectors From can take",
+        "no light passes: enable some, or leave --aov all out": "or turn Light Passes off",
+        "it is there already: choose another output folder or pass --overwrite to replace them": "choose another folder under",
+        "no folder is known: pass --output, or set output in hush.toml": "choose a folder under Denoised Frames",
+        "something new; pass --brand-new NAME": "something new",
+        "[Errno 2] No such file or directory: '/x'": "No such file or directory: '/x'",
+        "/x: No such file or directory (os error 2)": "/x: No such file or directory",
+    }
+    for error, words in cases.items():
+        told = messages.of_error(error)
+        assert words in told and not FORBIDDEN.search(told), (error, told)
+    assert messages.of_error(FileNotFoundError(2, "No such file or directory", "/x")) == "/x: No such file or directory"
+    assert messages.of_error(PermissionError(13, "Permission denied")) == "Permission denied"
+    assert messages.of_error(KeyError()) == "KeyError"
+
+
+def test_every_error_of_the_library_that_names_an_option_is_known() -> None:
+    """Sources of the library, where they are at hand: no option of the command line is left after `of_error`."""
+    sources = Path(kit.__file__).resolve().parents[2] / "src"
+    skipped = {"cli", "report", "watch", "settings"}
+    texts = [
+        text
+        for path in sorted(sources.rglob("*.rs"))
+        if path.relative_to(sources).parts[0] not in skipped
+        for text in re.findall(r'"((?:[^"\\]|\\.)*--[a-z](?:[^"\\]|\\.)*)"', path.read_text(encoding="utf-8"), re.DOTALL)
+    ]
+    assert len(texts) > 5, texts
+    for text in texts:
+        joined = re.sub(r"\\\s+", "", text)
+        assert "--" not in messages.of_error(joined), joined
