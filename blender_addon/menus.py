@@ -45,7 +45,7 @@ class HUSH_OT_add_node(bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """At the cursor the node hangs on the mouse until it is put down, as any other."""
         result = self.execute(context)
-        if self.at_cursor and result == {"FINISHED"}:
+        if self.at_cursor and result == {"FINISHED"} and context.region and context.region.type == "WINDOW":
             bpy.ops.node.translate_attach_remove_on_cancel("INVOKE_DEFAULT")
         return result
 

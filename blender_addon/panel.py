@@ -182,7 +182,8 @@ class NODE_PT_hush(bpy.types.Panel):
         refresh.request()
         layout, scene, width = self.layout, context.scene, _width(context)
         trees = node.trees(scene)
-        layout.operator("hush.add_node", icon=node.ICON).at_cursor = bool(trees)
+        if not trees:
+            layout.operator("hush.add_node", icon=node.ICON)
         for tree in trees:
             _draw_node(layout.box() if len(trees) > 1 else layout, tree, scene, width)
         _draw_problems(layout, [p for p in refresh.problems(scene) or [] if _STEP_OF.get(p.key) == 4], width)
