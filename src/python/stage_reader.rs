@@ -9,7 +9,6 @@ use crate::settings::{StageReader, set_stage_reader};
 /// Says how Hush's command line is started in a process of its own: a program and the arguments in front of the command's own; or,
 /// where `command` is empty, why it cannot be.
 #[pyfunction]
-#[pyo3(signature = (command, reason = String::new()))]
 pub fn read_stages_with(command: Vec<OsString>, reason: String) {
     let mut words = command.into_iter();
     set_stage_reader(match words.next() {
