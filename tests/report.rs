@@ -122,7 +122,7 @@ fn with_references_the_errors_are_those_of_eval() {
     assert!(
         rows.iter().any(|r| r["front"][0] == true) && row(&report, "no skipping")["errors"] == row(&report, "window 2")["errors"]
     );
-    for remark in ["Frames 4 have no reference", "OIDN was not measured"] {
+    for remark in ["Not measured, as they have no reference: frame 4.", "OIDN was not measured"] {
         assert!(page.contains(remark), "{remark}");
     }
     assert!(page.contains("worst") && page.matches("<figure>").count() == 24, "two tiles of eleven settings and the reference");
@@ -196,7 +196,7 @@ fn what_cannot_be_done_is_refused_and_nothing_is_written() {
     fs::write(shot.dir.path().join("mine/index.html"), "my own").unwrap();
     let report = |more: &[&str]| hush(&shot, &[&["report", "shot", "--repeats", "1"], more].concat());
     for (args, message) in [
-        (&["-o", "new", "-r", "ref"][..], "no frame has a reference: frames 7-8 here, 1-3 in the shot"),
+        (&["-o", "new", "-r", "ref"][..], "no frame has a reference: frames 7-8 here, frames 1-3 in the shot"),
         (&["-o", "new", "-r", "wide"], "f_0002.exr is 32×16, expected 24×16"),
         (&["-o", "new", "-r", "nowhere"], "no such file or folder"),
         (&["-o", "new", "--oidn", "nowhere"], "there is no oidnDenoise at nowhere"),

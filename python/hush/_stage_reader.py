@@ -25,7 +25,7 @@ def register() -> None:
         _hush.read_stages_with([], f"USD is read in a process of its own, and no Python is in {sys.prefix} to start one")
     else:
         # Isolated, so that no file of the working folder and no variable of the user's stands in for Python's own modules.
-        _hush.read_stages_with([str(python), "-I", "-c", _PROGRAM, library])
+        _hush.read_stages_with([str(python), "-I", "-c", _PROGRAM, library], "")
 
 
 def _python() -> Path | None:

@@ -125,8 +125,9 @@ impl Found {
         }
         let name = input.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         let folder = parent(input);
-        let is_glob = text.contains(['*', '?', '[']);
-        if !folder.is_dir() && !(is_glob && folder.to_string_lossy().contains(['*', '?', '['])) {
+        let spells = |text: &str| text.contains(['*', '?', '[']);
+        let is_glob = spells(&text);
+        if !folder.is_dir() && !spells(&folder.to_string_lossy()) {
             return Err(absent(&text, format!("there is no folder {}", folder.display())));
         }
         if let Some(pattern) = NumberPattern::parse(&name).map_err(|reason| bad(&text, reason))? {

@@ -9,7 +9,7 @@ use super::pairing::{Item, pair_up};
 use super::report::{FrameReport, Motion, Report, Scores, mean};
 use super::{Pair, Scaling, flicker, flip, psnr, relmse, smape, ssim};
 use crate::error::{Error, Result};
-use crate::io::sequence::spans;
+use crate::words::{self, counted};
 
 /// How to compare.
 #[derive(Clone, Debug, Default)]
@@ -168,19 +168,19 @@ fn remarks(frames: &[FrameReport], traits: &Traits, vectors_given: bool) -> Vec<
     let mut out = Vec::new();
     let mut remark = |numbers: &[i64], text: &dyn Fn(String) -> String| {
         if !numbers.is_empty() {
-            out.push(text(spans(numbers)));
+            out.push(text(words::frames(numbers)));
         }
     };
     remark(&with(&|f| f.motion == Some(Motion::Plain)), &|n| {
-        format!("Flicker compares frames {n} without following motion: there is no Vector pass.")
+        format!("Flicker compares {n} without following motion: there is no Vector pass.")
     });
     remark(&traits.denoised_reference, &|n| {
-        format!("The references of frames {n} are denoised themselves: they hold a Noisy Image beside Combined.")
+        format!("The references of {n} are denoised themselves: they hold a Noisy Image beside Combined.")
     });
-    remark(&traits.still, &|n| format!("The Vector pass is all zero in frames {n}: nothing moved, or motion blur was on."));
+    remark(&traits.still, &|n| format!("The Vector pass is all zero in {n}: nothing moved, or motion blur was on."));
     if vectors_given {
         remark(&with(&|f| matches!(f.motion, Some(Motion::Denoised | Motion::Reference))), &|n| {
-            format!("The files given for vectors have none for frames {n}: the shot's own were used.")
+            format!("The files given for vectors have none for {n}: the shot's own were used.")
         });
     }
     for (what, count) in [
@@ -189,7 +189,8 @@ fn remarks(frames: &[FrameReport], traits: &Traits, vectors_given: bool) -> Vec<
     ] {
         let pixels: usize = frames.iter().map(count).sum();
         remark(&with(&|f| count(f) > 0), &|n| {
-            format!("{pixels} pixels are NaN or infinite in the {what} of frames {n} and do not count.")
+            let (pixels, verb) = (counted(pixels, "pixel"), if pixels == 1 { "is" } else { "are" });
+            format!("{pixels} {verb} NaN or infinite in the {what} of {n}, which does not count.")
         });
     }
     out

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
-use crate::io::sequence::{Sequence, spans};
+use crate::io::sequence::Sequence;
+use crate::words;
 
 /// The files of one frame.
 pub(super) struct Item {
@@ -28,12 +29,12 @@ pub(super) fn pair_up(reference: &Path, denoised: &Path, vectors: Option<&Path>)
             guides = renumber(guides);
         }
     }
-    let numbers = |map: &BTreeMap<i64, PathBuf>| spans(&map.keys().copied().collect::<Vec<_>>());
+    let numbers = |map: &BTreeMap<i64, PathBuf>| words::frames(&map.keys().copied().collect::<Vec<_>>());
     if !references.keys().any(|n| results.contains_key(n)) {
         return Err(Error::BadInput {
             input: denoised.display().to_string(),
             reason: format!(
-                "no frame has a reference: frames {} here, {} in {}",
+                "no frame has a reference: {} here, {} in {}",
                 numbers(&results),
                 numbers(&references),
                 reference.display()
@@ -43,7 +44,7 @@ pub(super) fn pair_up(reference: &Path, denoised: &Path, vectors: Option<&Path>)
     let mut warnings = Vec::new();
     let extra: Vec<i64> = results.keys().copied().filter(|n| !references.contains_key(n)).collect();
     if !extra.is_empty() {
-        warnings.push(format!("Not compared, as they have no reference: denoised frames {}.", spans(&extra)));
+        warnings.push(format!("Not compared, as they have no reference: denoised {}.", words::frames(&extra)));
     }
     let items = references
         .into_iter()

@@ -177,8 +177,8 @@ fn gather<T: Ord>(headers: &[Header], of: impl Fn(&Header) -> Vec<T>) -> BTreeMa
 /// The frames as the subject of a sentence.
 fn which(numbers: &[i64], headers: &[Header], one: &str, many: &str) -> String {
     match numbers {
-        _ if numbers.len() == headers.len() => format!("the frames {many}"),
         [number] => format!("frame {number} {one}"),
+        _ if numbers.len() == headers.len() => format!("the frames {many}"),
         _ => format!("frames {} {many}", spans(numbers)),
     }
 }
@@ -346,7 +346,8 @@ mod tests {
         let still = Header { vector: false, missing: vec![("Vector".into(), "do this".into())], ..header(12) };
         let text = no_vector(&[header(1), still.clone()]).unwrap().message;
         assert!(text.starts_with("frame 12 has no Vector pass") && text.ends_with("do this, or set window to 0"), "{text}");
-        assert!(no_vector(std::slice::from_ref(&still)).unwrap().message.starts_with("the frames have no Vector pass"));
+        assert!(no_vector(std::slice::from_ref(&still)).unwrap().message.starts_with("frame 12 has no Vector pass"));
+        assert!(no_vector(&[still.clone(), still.clone()]).unwrap().message.starts_with("the frames have no Vector pass"));
         assert!(missing_guides(&[still]).is_empty());
         let bare = |n| Header { missing: vec![("Denoising Albedo".into(), "enable it".into())], ..header(n) };
         let text = missing_guides(&[bare(1), header(2), bare(3)]).remove(0).message;

@@ -9,11 +9,10 @@ use crate::settings::{StageReader, set_stage_reader};
 /// Says how Hush's command line is started in a process of its own: a program and the arguments in front of the command's own; or,
 /// where `command` is empty, why it cannot be.
 #[pyfunction]
-#[pyo3(signature = (command, reason = None))]
-pub fn read_stages_with(command: Vec<OsString>, reason: Option<String>) {
+pub fn read_stages_with(command: Vec<OsString>, reason: String) {
     let mut words = command.into_iter();
     set_stage_reader(match words.next() {
         Some(program) => StageReader::Command { program: program.into(), arguments: words.collect() },
-        None => StageReader::Unavailable(reason.unwrap_or_default()),
+        None => StageReader::Unavailable(reason),
     });
 }

@@ -16,9 +16,10 @@ use super::statistics::{Spread, pareto};
 use crate::engine::{EncodedFrame, Engine, STAGES};
 use crate::error::{Error, Result};
 use crate::frame::Frame;
-use crate::io::sequence::{Sequence, spans};
+use crate::io::sequence::Sequence;
 use crate::metrics::EvaluateOptions;
 use crate::shot::{CancelToken, Scope};
+use crate::words;
 
 /// Frames that are measured where nobody says which.
 pub const FRAMES: usize = 16;
@@ -119,11 +120,11 @@ fn references(path: &Path, frames: &[i64], remarks: &mut Vec<String>) -> Result<
     let (with, without): (Vec<i64>, Vec<i64>) = frames.iter().partition(|n| found.contains_key(n));
     if with.is_empty() {
         let numbers: Vec<i64> = found.keys().copied().collect();
-        let reason = format!("no frame has a reference: frames {} here, {} in the shot", spans(&numbers), spans(frames));
+        let reason = format!("no frame has a reference: {} here, {} in the shot", words::frames(&numbers), words::frames(frames));
         return Err(Error::BadInput { input: path.display().to_string(), reason });
     }
     if !without.is_empty() {
-        remarks.push(format!("Frames {} have no reference and were not measured.", spans(&without)));
+        remarks.push(format!("Not measured, as they have no reference: {}.", words::frames(&without)));
     }
     Ok(found)
 }

@@ -12,6 +12,7 @@ use super::soundness::soundness;
 use super::statistics::Spread;
 use crate::picture::drawing::{Ink, escape, styles};
 use crate::picture::false_colour::false_colour;
+use crate::words::counted;
 
 /// Marks a page of ours, which may be written over.
 pub const MARK: &str = "<meta name=\"generator\" content=\"hush report\">";
@@ -65,9 +66,8 @@ fn facts(report: &Report) -> String {
     let m = &report.machine;
     let mut parts = vec![format!("{}×{}", report.columns, report.rows)];
     parts.push(match report.frames.len() {
-        n if n < report.of_frames => format!("{n} of {} frames", report.of_frames),
-        1 => "1 frame".into(),
-        n => format!("{n} frames"),
+        n if n < report.of_frames => format!("{n} of {}", counted(report.of_frames, "frame")),
+        n => counted(n, "frame"),
     });
     parts.push(if report.repeats == 1 { "timed once".into() } else { format!("timed {} times", report.repeats) });
     parts.push(match &m.processor {
@@ -90,13 +90,13 @@ fn basis(report: &Report) -> String {
         }
         (Basis::Estimate, Some(note)) => format!(
             "<p><strong>There are no references, so the error is an estimate.</strong> Each frame was judged by the noisy frames {} before \
-             and {} after it, carried to it along the motion vectors: {} frames, {:.0} % of their pixels, those that can be followed both \
+             and {} after it, carried to it along the motion vectors: {}, {:.0} % of their pixels, those that can be followed both \
              ways. They are the easier ones: the error of whole frames is higher. The standard error of a setting's mean is up to {}. \
              {SAMPLE_CHECK} The change along the motion holds what really changes in the light, too: only its differences between \
              settings tell something.</p>",
             note.distance,
             note.distance,
-            note.frames,
+            counted(note.frames, "frame"),
             100.0 * note.share,
             number(note.deviation)
         ),

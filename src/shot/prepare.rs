@@ -356,16 +356,18 @@ fn redone_warnings(frames: &[PlannedFrame]) -> Vec<Warning> {
             reasons.entry(kind(why)).or_default().push((frame.frame, why));
         }
     }
-    let text = |(kind, some): ((bool, Option<String>), Vec<(i64, &str)>)| {
+    let mut warnings = Vec::new();
+    for ((_, rest), some) in reasons {
         let numbers: Vec<i64> = some.iter().map(|(number, _)| *number).collect();
         let verb = if numbers.len() == 1 { "is" } else { "are" };
         let why = match some.as_slice() {
-            [(_, first), rest @ ..] if rest.iter().all(|(_, why)| why == first) => (*first).to_owned(),
-            _ => format!("lambda has changed{}", kind.1.map(|rest| format!(", {rest}")).unwrap_or_default()),
+            [(_, first), others @ ..] if others.iter().all(|(_, why)| why == first) => (*first).to_owned(),
+            _ => format!("lambda has changed{}", rest.map(|rest| format!(", {rest}")).unwrap_or_default()),
         };
-        format!("{} {verb} made again: {why}", words::frames(&numbers))
-    };
-    reasons.into_iter().map(text).map(|t| Warning::new(WarningKind::Redone, t)).collect()
+        let message = format!("{} {verb} made again: {why}", words::frames(&numbers));
+        warnings.push(Warning::new(WarningKind::Redone, message));
+    }
+    warnings
 }
 
 /// Whether a frame was done without a neighbour that should have helped.
