@@ -49,7 +49,6 @@ fn a_region_agrees_with_the_same_part_of_the_whole_frame() {
             assert_eq!((region.to_string().as_str(), &here.neighbours), (text, &all.neighbours));
             assert_eq!(part.layers[0].noisy, cut(&whole.layers[0].noisy, region));
             let (colour, noisy) = (apart(&here.colour, &cut(&all.colour, region)), apart(&here.colour, &part.layers[0].noisy));
-            println!("{text}, window {windows:?}: {colour}");
             assert!(colour < 1e-3, "{text} window {windows:?}: off by {colour}");
             assert!(noisy > 0.05, "{text}: not denoised");
             let (flicker, expected) = (here.flicker.as_ref().unwrap(), all.flicker.as_ref().unwrap());

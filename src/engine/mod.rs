@@ -11,10 +11,10 @@ use steps::{Mark, Steps, UNHEARD};
 use unpack::{own_pixels, unpack};
 
 use crate::error::{Error, Result};
+use crate::frame::Aov;
+use crate::frame::packed::PackedFrame;
 pub use crate::frame::packed::Scales;
-use crate::frame::packed::{Guides, PackedFrame};
 use crate::frame::ranges::Ranges;
-use crate::frame::{Aov, Frame, FrameView};
 use crate::kernels::Channels;
 use crate::kernels::planes::Planes;
 use crate::network::body::Body;
@@ -130,51 +130,6 @@ impl Engine {
         })
     }
 
-    /// Sanitises a frame and computes its features (source encoder). Done once a frame.
-    ///
-    /// Errors where passes differ in size or the frame is empty.
-    pub fn encode(&self, frame: Frame) -> Result<EncodedFrame> {
-        self.clock.time(Stage::Encode, || {
-            let packed = self.pack(&frame.view(), None)?;
-            // Of the frame only the guides are needed from here on: large frames want the memory.
-            let Frame { albedo, normal, .. } = frame;
-            let guides = Guides { albedo: albedo.as_ref().map(|a| a.view()), normal: normal.as_ref().map(|n| n.view()) };
-            Ok(self.finish_encoding(packed, &guides))
-        })
-    }
-
-    /// As [`Engine::encode`], for passes that lie elsewhere, in any layout; none of them is copied.
-    pub fn encode_view(&self, frame: &FrameView) -> Result<EncodedFrame> {
-        self.clock.time(Stage::Encode, || {
-            let guides = Guides { albedo: frame.albedo, normal: frame.normal };
-            Ok(self.finish_encoding(self.pack(frame, None)?, &guides))
-        })
-    }
-
-    /// As [`encode_view`](Self::encode_view), for a part of a frame with the whole one's [`scales`](Self::scales): what it looks
-    /// like does not depend on how it was cut, but for the pixels near its borders.
-    pub fn encode_part(&self, part: &FrameView, scales: Scales) -> Result<EncodedFrame> {
-        self.clock.time(Stage::Encode, || {
-            let guides = Guides { albedo: part.albedo, normal: part.normal };
-            Ok(self.finish_encoding(self.pack(part, Some(scales))?, &guides))
-        })
-    }
-
-    /// Exposure and depth of a whole frame, for [`encode_part`](Self::encode_part).
-    ///
-    /// # Errors
-    /// Passes differ in size.
-    pub fn scales(&self, frame: &FrameView) -> Result<Scales> {
-        frame.check()?;
-        Ok(self.in_pool(|| Scales::of(frame)))
-    }
-
-    /// As [`encode`](Self::encode) without the features: enough for [`left_out`](Self::left_out); it cannot be denoised or help.
-    pub fn look(&self, frame: &Frame) -> Result<EncodedFrame> {
-        let packed = self.pack(&frame.view(), None)?;
-        Ok(EncodedFrame { ranges: self.in_pool(|| Ranges::new(&packed)), packed, features: Features::new(0, 0, 0) })
-    }
-
     /// The instruction set of the kernels.
     pub fn isa(&self) -> Isa {
         self.isa
@@ -188,24 +143,6 @@ impl Engine {
     /// Seconds spent in each stage since the engine was made, in the order of [`STAGES`].
     pub fn stage_seconds(&self) -> [f64; STAGES.len()] {
         self.clock.seconds()
-    }
-
-    fn pack(&self, frame: &FrameView, scales: Option<Scales>) -> Result<PackedFrame> {
-        let (rows, columns) = frame.size();
-        if rows == 0 || columns == 0 {
-            return Err(Error::BadInput { input: "frame".into(), reason: format!("{columns}×{rows} has no pixels") });
-        }
-        self.in_pool(|| match scales {
-            Some(scales) => PackedFrame::scaled(frame, self.epsilon, scales),
-            None => PackedFrame::new(frame, self.epsilon),
-        })
-    }
-
-    fn finish_encoding(&self, packed: PackedFrame, guides: &Guides) -> EncodedFrame {
-        self.in_pool(|| {
-            let features = self.encoder.run(self.isa, &packed, guides);
-            EncodedFrame { ranges: Ranges::new(&packed), packed, features }
-        })
     }
 
     /// Does some work with the threads that the settings allow.
@@ -503,6 +440,7 @@ struct Stages {
 }
 
 mod clock;
+mod encode;
 #[cfg(test)]
 mod golden_tests;
 mod paths;
