@@ -7,7 +7,7 @@ import sys
 from types import ModuleType
 
 # Those with something to register, in this order: properties first, as the rest draws and reads them.
-_NAMES = ("properties", "prepare", "check", "denoise", "composite", "node", "fixes", "menus", "panel", "handlers")
+_NAMES = ("properties", "prepare", "check", "denoise", "composite", "whole_shot", "node", "fixes", "menus", "panel", "handlers")
 _registered: list[ModuleType] = []
 # Blender runs this file again when it reloads the extension, but none of the others.
 _stale = f"{__package__}.properties" in sys.modules

@@ -3,7 +3,7 @@
 """What differs between Blender 4.2, 4.5, 5.0 and 5.2, and nothing else."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import bpy
 
@@ -91,18 +91,24 @@ def strips(scene: bpy.types.Scene) -> bool:
 
 
 def own_compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree:
-    """Gives a copy of a scene a compositor tree of its own; 4.x does so by itself."""
-    if BLENDER_5:
-        scene.compositing_node_group = scene.compositing_node_group.copy()
-    return compositor_tree(scene)
+    """The scene's compositor tree, made one that can be changed where it is a library's."""
+    tree = compositor_tree(scene)
+    if BLENDER_5 and tree.library is not None:
+        name = tree.name_full
+        tree = scene.compositing_node_group = tree.copy()
+        tree["hush_original"] = name
+    return tree
 
 
-def remove_with_tree(scene: bpy.types.Scene) -> None:
-    """Removes a scene and the compositor tree that only it has."""
-    tree = scene.compositing_node_group if BLENDER_5 else None
-    bpy.data.scenes.remove(scene)
-    if tree is not None and tree.users == 0:
-        bpy.data.node_groups.remove(tree)
+def without_templates(path: str) -> str:
+    """An output path whose curly brackets mean themselves; newer Blenders fill in what stands between them."""
+    return path.replace("{", "{{").replace("}", "}}") if bpy.app.version >= (4, 5) else path
+
+
+def set_folder(node: bpy.types.Node, change: Callable[[str], str]) -> None:
+    """Changes the folder that a File Output node writes to."""
+    name = "directory" if BLENDER_5 else "base_path"
+    setattr(node, name, change(getattr(node, name)))
 
 
 def written_by(node: bpy.types.Node) -> list[str]:

@@ -10,10 +10,10 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, StringProperty
 
-from . import check, job, prepare, refresh, shot
+from . import background, check, job, messages, prepare, refresh, shot
 
 _LAST_DIGITS = re.compile(r"\d+(?=\D*$)")
-_TICK = 0.1
+_WORKER = Path(__file__).with_name("worker.py")
 
 
 class DenoiseError(Exception):
@@ -27,7 +27,9 @@ def progress(scene: bpy.types.Scene) -> tuple[float, str] | None:
 
 
 def runs(scene: bpy.types.Scene, source: str = "", target: str = "", *, overwrite: bool = False) -> list[dict[str, Any]]:
-    """The arguments of `hush.denoise_sequence`, once for each sequence of files; `source` and `target` as in the operator.
+    """What the worker does, once for each sequence of files: `arguments` of `hush.denoise_sequence` and `warnings` to tell first.
+
+    `source` and `target` are as in the operator.
 
     Raises:
         DenoiseError: The scene's settings or the paths cannot be used.
@@ -45,19 +47,13 @@ def runs(scene: bpy.types.Scene, source: str = "", target: str = "", *, overwrit
         raise DenoiseError(str(error)) from None
     for inputs, _ in sequences:
         _check_output(inputs, output, target)
-    vectors = shot.vector_layer(scene)
-    common = {
-        "output": str(output),
-        "lam": shot.lambda_keys(scene),
-        "window": shot.window(scene),
-        "layers": shot.layers(scene),
-        "vector_layer": vectors,
-        "aovs": ["all"] if scene.hush.use_light_passes else [],
-        "keep_noisy": scene.hush.keep_noisy,
-        "overwrite": overwrite,
-        "threads": scene.render.threads if scene.render.threads_mode == "FIXED" else None,
-    }
-    return [{"inputs": str(inputs), "frames": frames, "example": _example(inputs), **common} for inputs, frames in sequences]
+    made = []
+    for inputs, frames in sequences:
+        common, warnings = shot.settings(scene, shot.example(inputs))
+        threads = scene.render.threads if scene.render.threads_mode == "FIXED" else None
+        there = {"inputs": str(inputs), "output": str(output), "frames": frames, "overwrite": overwrite, "threads": threads}
+        made.append({"arguments": {**there, **common}, "warnings": warnings})
+    return made
 
 
 def _named(source: str) -> list[tuple[Path, list[int] | None]]:
@@ -106,10 +102,78 @@ def _without_number(name: str) -> str:
     return _LAST_DIGITS.sub("#", name.replace("#", "0"))
 
 
-def _example(inputs: Path) -> str | None:
-    """One of the files, to see which view layers they have."""
-    name = "*.exr" if inputs.is_dir() else re.sub(r"#+", "*", inputs.name)
-    return next((str(path) for path in sorted(_folder_of(inputs).glob(name)) if path.is_file() and path.stat().st_size), None)
+def start(scene: bpy.types.Scene, source: str = "", target: str = "", *, overwrite: bool = False) -> "DenoiseJob":
+    """Starts to denoise; the arguments are those of `runs`.
+
+    Raises:
+        DenoiseError: The scene's settings or the paths cannot be used.
+        JobError: There is a job already, or the process cannot be started.
+    """
+    job.refuse_second()
+    todo = runs(scene, source, target, overwrite=overwrite)
+    return job.start(lambda: DenoiseJob(scene.name, todo))
+
+
+class DenoiseJob(job.Job):
+    """The worker that denoises; `results` are what `hush.denoise_sequence` returned for each run."""
+
+    doing, does = "denoised", "denoises"
+
+    def __init__(self, scene_name: str, todo: list[dict[str, Any]]) -> None:
+        self._runs = max(1, len(todo))
+        self._frames, self._finished, self._in_frame = 1, 0, 0.0
+        # Of this run: frames to compute and computed; of all: computed, and when the first one was begun.
+        self._todo, self._here, self._computed, self._first = 0, 0, 0, 0.0
+        # Isolated: neither the add-on's folder nor the user's environment may stand in for Python's own modules.
+        super().__init__(scene_name, [job.python(), "-I", str(_WORKER)], {"path": job.import_path(), "runs": todo})
+
+    def line(self, event: dict[str, Any]) -> str | None:
+        """One for each frame."""
+        kind = event.get("event")
+        if kind == "start":
+            skipped = event["frames"] - event["todo"]
+            return f"{event['todo']} frames to denoise" + (f", {skipped} there already" if skipped else "")
+        if kind == "frame" and event["status"] == "denoised":
+            helped = f" with {', '.join(map(str, event['neighbours']))}" if event["neighbours"] else ""
+            return f"frame {event['frame']} denoised{helped} ({event['seconds']:.1f} s, {self.fraction:.0%})"
+        if kind == "frame" and event["status"] == "failed":
+            return f"frame {event['frame']} failed: {messages.of_error(event.get('reason') or 'failed')}"
+        return None
+
+    def _take(self, event: dict[str, Any]) -> None:
+        kind, run = event.get("event"), event.get("run", 0)
+        if event.get("message"):
+            event["message"] = messages.of_error(event["message"])
+        super()._take(event)
+        if kind == "start":
+            self._todo, self._here, self._in_frame = event.get("todo", 0), 0, 0.0
+            self._finished, self._frames = 0, max(1, event.get("frames") or 1)
+            self._show(run, f"Denoising {_frames(self._todo)}")
+        elif kind == "working":
+            self._first = self._first or time.monotonic()
+            self._in_frame = 0.0
+            self._show(run, f"Denoising frame {event['frame']}")
+        elif kind == "progress":
+            self._in_frame = min(1.0, max(0.0, event.get("fraction") or 0.0))
+            self._show(run, f"Denoising frame {event['frame']}")
+        elif kind == "frame":
+            computed = event.get("status") in ("denoised", "failed")
+            self._here, self._computed, self._in_frame = self._here + computed, self._computed + computed, 0.0
+            self._finished, self._frames = event.get("finished", 0), max(1, event.get("frames") or 1)
+            if event.get("status") == "failed":
+                reason = messages.of_error(event.get("reason") or "failed")
+                self._bad.setdefault((run, event["frame"]), f"Frame {event['frame']}: {reason}")
+            self._show(run, self.text.partition(",")[0])
+
+    def _show(self, run: int, now: str) -> None:
+        """How much is done, and how long the rest takes as soon as a part of a frame is computed."""
+        self.fraction = min(1.0, (run + (self._finished + self._in_frame) / self._frames) / self._runs)
+        done = self._computed + self._in_frame
+        # Runs that are not begun yet, such as another stereo view, are taken to be like this one.
+        rest = max(0.0, self._todo - self._here - self._in_frame) + self._todo * (self._runs - run - 1)
+        estimate = f", {job.left((time.monotonic() - self._first) / done * rest)}" if self._first and done > 0.05 else ""
+        if not self.cancelled:
+            self.text = now + estimate
 
 
 def outcome(done: job.Job) -> tuple[str, list[tuple[str, str]]]:
@@ -127,10 +191,9 @@ def outcome(done: job.Job) -> tuple[str, list[tuple[str, str]]]:
         text = f"Denoising was stopped; {_frames(written)} denoised. Press Denoise Shot again to go on"
         return "CANCELLED", [*reports, ("WARNING", text)]
     if errors or stopped or failed or missing or there < wanted or not results:
-        why = [errors[0] if errors else stopped or "", f"Frames {missing} are not rendered" if missing else ""]
+        why = [errors[0] if errors else messages.of_error(stopped or ""), _unrendered(missing) if missing else ""]
         more = f"{len(errors) - 1} more errors" if len(errors) > 2 else "1 more error" if len(errors) == 2 else ""
         how_many = f"{there} of {wanted + _count(missing)} frames are denoised" if results else ""
-        why = [part.replace("pass --overwrite", "call bpy.ops.hush.denoise_shot(overwrite=True)") for part in why]
         text = ". ".join(part.rstrip(".") for part in (*why, more, how_many) if part) or "Nothing was denoised"
         return "CANCELLED", [*reports, ("ERROR", text)]
     degraded = sorted({frame for result in results for frame in result["degraded"]})
@@ -144,13 +207,19 @@ def _frames(count: int) -> str:
     return "1 frame" if count == 1 else f"{count} frames"
 
 
+def _unrendered(missing: str) -> str:
+    """That frames 3-5, 9 are not rendered."""
+    one = missing.isdecimal()
+    return f"{'Frame' if one else 'Frames'} {missing} {'is' if one else 'are'} not rendered: press Render Animation"
+
+
 def _count(ranges: str) -> int:
     """How many frames 3-5, 9 are."""
     found = re.findall(r"(-?\d+)(?:-(-?\d+))?", ranges)
     return sum(int(last or first) - int(first) + 1 for first, last in found)
 
 
-class HUSH_OT_denoise_shot(bpy.types.Operator):
+class HUSH_OT_denoise_shot(background.JobOperator, bpy.types.Operator):
     """Denoise the rendered frames of this scene into a folder beside them. Blender stays usable; Esc stops it"""
 
     bl_idname = "hush.denoise_shot"
@@ -177,122 +246,23 @@ class HUSH_OT_denoise_shot(bpy.types.Operator):
     )
     scene: StringProperty(name="Scene", description="Scene to denoise. Empty: the open one", options={"SKIP_SAVE"})
 
-    _job: job.Job | None = None
-    _timer: bpy.types.Timer | None = None
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """One shot at a time."""
-        if job.current() is not None:
-            cls.poll_message_set("A shot is being denoised; Esc stops it")
-            return False
-        return True
-
     def _begin(self, context: bpy.types.Context) -> bool:
         scene = prepare.scene_of(self, context)
         if scene is None:
             return False
         try:
-            self._job = job.start(scene.name, runs(scene, self.input_filepath, self.output_filepath, overwrite=self.overwrite))
+            self._job = start(scene, self.input_filepath, self.output_filepath, overwrite=self.overwrite)
         except (DenoiseError, job.JobError) as error:
             self.report({"ERROR"}, str(error))
             return False
         return True
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Denoises and returns when it is done; for scripts."""
-        if not self._begin(context):
-            return {"CANCELLED"}
-        context.window_manager.progress_begin(0, 1000)
-        try:
-            while not self._job.ended:
-                try:
-                    for event in self._job.poll():
-                        _print(event, self._job)
-                    context.window_manager.progress_update(round(1000 * self._job.fraction))
-                    time.sleep(_TICK / 2)
-                except KeyboardInterrupt:
-                    if self._job.cancelled:
-                        raise
-                    self._job.cancel()
-        finally:
-            self._job.close()
-            context.window_manager.progress_end()
-        return self._finish()
-
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        """Denoises in the background."""
-        if bpy.app.background or context.window is None:
-            return self.execute(context)
-        if not self._begin(context):
-            return {"CANCELLED"}
-        context.window_manager.progress_begin(0, 1000)
-        self._timer = context.window_manager.event_timer_add(_TICK, window=context.window)
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Looks at the worker now and then; every other event goes on to Blender."""
-        if event.type == "ESC" and event.value == "PRESS" and not self._job.cancelled:
-            self._job.cancel()
-            self._show(context)
-            return {"RUNNING_MODAL"}
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"}
-        before = self._job.text, self._job.fraction
-        self._job.poll()
-        if self._job.ended:
-            self._hide(context)
-            return self._finish()
-        if before != (self._job.text, self._job.fraction):
-            self._show(context)
-        return {"PASS_THROUGH"}
-
-    def cancel(self, context: bpy.types.Context) -> None:
-        """Blender ends the operator, as when another file is opened."""
-        self._hide(context)
-        self._job.close()
-
-    def _show(self, context: bpy.types.Context) -> None:
-        context.window_manager.progress_update(round(1000 * self._job.fraction))
-        hint = "" if self._job.cancelled else "   Esc: stop"
-        if context.workspace:
-            context.workspace.status_text_set(f"Hush: {self._job.text} ({self._job.fraction:.0%}){hint}")
-        refresh.redraw()
-
-    def _hide(self, context: bpy.types.Context) -> None:
-        if self._timer is not None:
-            context.window_manager.event_timer_remove(self._timer)
-            self._timer = None
-        context.window_manager.progress_end()
-        for workspace in bpy.data.workspaces:
-            workspace.status_text_set(None)
-
-    def _finish(self) -> set[str]:
+    def _outcome(self) -> tuple[str, list[tuple[str, str]]]:
         scene = bpy.data.scenes.get(self._job.scene_name)
         if scene is not None:
             check.forget()
             refresh.shot_changed(scene)
-        if not bpy.app.background:
-            refresh.redraw()
-        result, reports = outcome(self._job)
-        for level, text in reports:
-            self.report({level}, text)
-        return {result}
-
-
-def _print(event: dict[str, Any], running: job.Job) -> None:
-    """A line for each frame, for logs."""
-    kind = event.get("event")
-    if kind == "start":
-        skipped = event["frames"] - event["todo"]
-        print(f"Hush: {event['todo']} frames to denoise" + (f", {skipped} there already" if skipped else ""), flush=True)
-    elif kind == "frame" and event["status"] == "denoised":
-        helped = f" with {', '.join(map(str, event['neighbours']))}" if event["neighbours"] else ""
-        took = f"{event['seconds']:.1f} s, {running.fraction:.0%}"
-        print(f"Hush: frame {event['frame']} denoised{helped} ({took})", flush=True)
-    elif kind == "frame" and event["status"] == "failed":
-        print(f"Hush: frame {event['frame']} failed: {event.get('reason')}", flush=True)
+        return outcome(self._job)
 
 
 def register() -> None:

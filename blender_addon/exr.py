@@ -26,6 +26,17 @@ def size_if_whole(path: Path) -> tuple[int, int] | None:
     return known[2]
 
 
+def attribute(path: Path, name: str) -> str | None:
+    """A text of the first header, such as `Scene`, which Blender writes; None where it is not there."""
+    try:
+        with open(path, "rb") as file:
+            magic, _ = struct.unpack("<II", file.read(8))
+            value = _header(file).get(name) if magic == _MAGIC else None
+    except (OSError, ValueError, struct.error):
+        return None
+    return None if value is None else value.decode("utf-8", "replace")
+
+
 def forget() -> None:
     """Drops what is remembered."""
     _known.clear()

@@ -1,6 +1,10 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
 # SPDX-License-Identifier: Apache-2.0
-"""A shot that is being denoised: the worker process, what it has said so far, and how to stop it. Does not touch Blender's data."""
+"""Work that another process does: what it has said so far, and how to stop it. Does not touch Blender's data.
+
+The process gets its work as one line of JSON on standard input; a second line, or the end of the input as when Blender ends, stops it.
+Each line of JSON on its standard output is an event; the last one is `finished` with `results`, or `refused` with a `message`.
+"""
 
 import json
 import queue
@@ -9,10 +13,10 @@ import sys
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-_WORKER = Path(__file__).with_name("worker.py")
 # How long a stopped worker may go on with the frame in hand when Blender ends.
 _PATIENCE = 10.0
 _current: "Job | None" = None
@@ -23,27 +27,30 @@ class JobError(Exception):
 
 
 class Job:
-    """One run of the worker. Call `poll` now and then until `ended`."""
+    """One process. Call `poll` now and then until `ended`; a kind of work says what its events mean in `_take`."""
 
-    def __init__(self, scene_name: str, runs: list[dict[str, Any]]) -> None:
+    # What is being done to the shot, and what the process does, for messages.
+    doing, does = "worked on", "works"
+
+    def __init__(self, scene_name: str, command: list[str], work: dict[str, Any]) -> None:
         self.scene_name = scene_name
         self.fraction = 0.0
         self.text = "Starting"
         self.warnings: list[str] = []
-        self._bad: dict[tuple[int, int | None], str] = {}
-        self.results: list[dict[str, Any]] = []
+        self.results: Any = []
         self.ended = False
         self.cancelled = False
         self.began = time.monotonic()
-        self._runs = max(1, len(runs))
+        self._bad: dict[tuple[int, int | None], str] = {}
         self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._last_words: deque[str] = deque(maxlen=20)
-        self._said_the_end = False
-        self._process = self._start(runs)
+        self._said_the_end, self._ends = False, 0.0
+        self._process = self._start(command)
+        self._say(json.dumps(work) + "\n")
 
     @property
     def errors(self) -> list[str]:
-        """What went wrong, first what concerns the whole run."""
+        """What went wrong, first what concerns the whole work."""
         whole = [text for (_, frame), text in self._bad.items() if frame is None]
         frames = [text for (_, frame), text in self._bad.items() if frame is not None]
         return [*whole, *(text for text in frames if not any(text in other for other in whole))]
@@ -60,6 +67,7 @@ class Job:
             try:
                 line = self._lines.get_nowait()
             except queue.Empty:
+                self._end_the_end()
                 break
             if line is None:
                 self._end()
@@ -67,7 +75,10 @@ class Job:
             try:
                 event = json.loads(line)
             except ValueError:
-                self._last_words.append(line)
+                event = None
+            if not isinstance(event, dict):
+                # Blender itself talks on the same line.
+                self._last_words.append(line.rstrip())
                 continue
             self._take(event)
             events.append(event)
@@ -81,20 +92,25 @@ class Job:
             self._say("cancel\n")
 
     def close(self) -> None:
-        """Sees to it that the worker ends: at once if it does not do so by itself in a few seconds."""
+        """Sees to it that the process ends: at once if it does not do so by itself in a few seconds."""
         self.cancel()
         try:
             self._process.wait(_PATIENCE)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
-        self.ended = True
+        if not self.ended:
+            self.ended = True
+            self._clean_up()
 
-    def _start(self, runs: list[dict[str, Any]]) -> subprocess.Popen[str]:
+    def line(self, event: dict[str, Any]) -> str | None:
+        """What a log should have of an event; None for nothing."""
+        return None
+
+    def _start(self, command: list[str]) -> subprocess.Popen[str]:
         try:
             process = subprocess.Popen(
-                # Isolated: neither the add-on's folder nor the user's environment may stand in for Python's own modules.
-                [_python(), "-I", str(_WORKER)],
+                command,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,
@@ -104,11 +120,11 @@ class Job:
                 creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
             )
         except OSError as error:
-            raise JobError(f"The process that denoises cannot be started: {error}") from error
+            self._clean_up()
+            raise JobError(f"The process that {self.does} cannot be started: {error.strerror or error}") from error
         self._process = process
         for target in (self._read_events, self._read_errors):
             threading.Thread(target=target, daemon=True).start()
-        self._say(json.dumps({"path": _import_path(), "runs": runs}) + "\n")
         return process
 
     def _say(self, text: str) -> None:
@@ -129,18 +145,9 @@ class Job:
             self._last_words.append(line.rstrip())
 
     def _take(self, event: dict[str, Any]) -> None:
+        """Learns from an event; here what all kinds of work have in common."""
         kind, run = event.get("event"), event.get("run", 0)
-        if kind == "start":
-            self.text = f"Denoising {event.get('todo', 0)} frames"
-        elif kind == "working":
-            if not self.cancelled:
-                self.text = self._progress_text(f"Denoising frame {event['frame']}")
-        elif kind == "frame":
-            done, frames = event.get("finished", 0), max(1, event.get("frames") or 1)
-            self.fraction = min(1.0, (run + done / frames) / self._runs)
-            if event.get("status") == "failed":
-                self._bad.setdefault((run, event["frame"]), f"Frame {event['frame']}: {event.get('reason') or 'failed'}")
-        elif kind == "warning":
+        if kind == "warning":
             self.warnings.append(event.get("message", ""))
         elif kind == "error":
             self._bad[run, event.get("frame")] = event.get("message", "")
@@ -151,15 +158,11 @@ class Job:
             self._said_the_end = True
             self.results = event.get("results", [])
 
-    def _progress_text(self, now: str) -> str:
-        if self.fraction < 0.02 or self.seconds < 2.0:
-            return now
-        return f"{now}, {clock(self.seconds / self.fraction * (1 - self.fraction))} left"
-
     def _end(self) -> None:
         code = self._process.wait()
-        self._process.stdin.close()
+        self._say_goodbye()
         self.ended = True
+        self._clean_up()
         if self._said_the_end:
             self.fraction = 1.0 if not self.errors and not self.cancelled else self.fraction
             return
@@ -168,7 +171,24 @@ class Job:
             why = "it was killed" + (", most likely as memory ran out" if code == -9 else f" by signal {-code}")
         else:
             why = f"exit code {code}" + (f": {words}" if words else "")
-        self._bad[0, None] = f"The process that denoises ended before its time: {why}. Frames that were finished are kept"
+        self._bad[0, None] = f"The process that {self.does} ended before its time: {why}. Frames that were finished are kept"
+
+    def _end_the_end(self) -> None:
+        """A Blender that has told its results may still hang on its way out."""
+        if self._said_the_end:
+            self._ends = self._ends or time.monotonic()
+            if time.monotonic() - self._ends > _PATIENCE:
+                self._process.kill()
+
+    def _say_goodbye(self) -> None:
+        try:
+            self._process.stdin.close()
+        except OSError:
+            # What it did not read any more.
+            pass
+
+    def _clean_up(self) -> None:
+        """Takes away what was there for the process only; called once, however it ended."""
 
 
 def current() -> Job | None:
@@ -176,17 +196,26 @@ def current() -> Job | None:
     return _current if _current is not None and not _current.ended else None
 
 
-def start(scene_name: str, runs: list[dict[str, Any]]) -> Job:
-    """Starts the one job.
+def refuse_second() -> None:
+    """One job at a time.
+
+    Raises:
+        JobError: There is one already.
+    """
+    running = current()
+    if running is not None:
+        raise JobError(f"Scene {running.scene_name} is being {running.doing}; wait for it, or stop it with Esc")
+
+
+def start(new: Callable[[], Job]) -> Job:
+    """Starts the one job; `new` makes it.
 
     Raises:
         JobError: There is one already, or the process cannot be started.
     """
     global _current
-    running = current()
-    if running is not None:
-        raise JobError(f"Scene {running.scene_name} is being denoised; wait for it, or stop it with Esc")
-    _current = Job(scene_name, runs)
+    refuse_second()
+    _current = new()
     return _current
 
 
@@ -204,8 +233,22 @@ def clock(seconds: float) -> str:
     return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
 
 
-def _python() -> str:
-    """The Python that runs Blender's scripts."""
+def left(seconds: float) -> str:
+    """What is left of the time, as about 12 minutes left."""
+    minutes = round(seconds / 60)
+    if minutes < 1:
+        return "less than a minute left"
+    hours, rest = divmod(minutes, 60)
+    parts = [f"{count} {name}{'' if count == 1 else 's'}" for count, name in ((hours, "hour"), (rest, "minute")) if count]
+    return f"about {' '.join(parts)} left"
+
+
+def python() -> str:
+    """The Python that runs Blender's scripts.
+
+    Raises:
+        JobError: It is not where it should be.
+    """
     if Path(sys.executable).stem.lower().startswith("python"):
         return sys.executable
     for folder in (Path(sys.prefix, "bin"), Path(sys.prefix)):
@@ -215,8 +258,12 @@ def _python() -> str:
     raise JobError(f"Blender's Python is not where it should be, in {sys.prefix}")
 
 
-def _import_path() -> list[str]:
-    """Where the worker finds the Hush library and numpy."""
+def import_path() -> list[str]:
+    """Where a process finds the Hush library and numpy.
+
+    Raises:
+        JobError: The library does not load.
+    """
     try:
         import hush
         import numpy

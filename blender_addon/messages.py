@@ -78,6 +78,40 @@ TEXTS = {
     "stale": "{frames:frame is} out of date: {reason}. Press Denoise Shot",
     "frames_are": "{frames:frame is}",
     "failed": "{frames:frame} could not be denoised: {reason}",
+    # Composite Denoised
+    "composite_no_nodes": "The scene has no compositor nodes: press Add Temporal Denoise Node",
+    "composite_folder_same": "Composited frames would replace others in {folder}: choose another folder under Composited Frames",
+    "composite_nothing": "No frame of this shot is denoised: press Denoise Shot first",
+    "composite_library": "The Hush library is of another version than the extension: install the extension again",
+    "composite_copy": "The copy of the file that is composited cannot be saved: {reason}",
+    "composite_missing": "{frames:frame is} not denoised: press Denoise Shot",
+    "composite_size": "{frames:frame} cannot be composited: {reason}. Press Render Animation, then Denoise Shot",
+    "composite_scene": (
+        "{frames:frame} cannot be composited: {reason}. Give each scene an Output Path of its own, then press Render Animation"
+    ),
+    "composite_damaged": "{frames:frame} cannot be composited: {reason}",
+    "composite_failed": "{frames:frame} could not be composited: {reason}",
+    "composite_old": "{frames:frame is} out of date ({reason}): composited with the old denoised image",
+    "composite_noisy": "{frames:frame is} not denoised ({reason}): composited with noise",
+    "composite_stopped": "Compositing was stopped; {count:frame} composited",
+    "composite_done": "{count:frame} composited in {clock}, in {folder}",
+    "composite_some": "{count} of {total:frame} composited",
+    "composite_outputs": "File Output node {node} would replace the frames of the shot and was left out",
+    "composite_other_scene": "Scene {scene} is in the composite too: it is rendered again, noisy",
+    "composite_lost": "The frames do not hold {passes} of view layer {layer}; the composite does without",
+    "composite_scripts": (
+        "Python of the file was not run for compositing, so its drivers stood still: "
+        "turn on Preferences › Save & Load › Auto Run Python Scripts if you trust the file"
+    ),
+    "composite_addon_node": "Node {node} is of an add-on that is not there in the process that composites: turn the add-on on, or mute it",
+    "composite_linked": "The scene is linked from {file}: open that file",
+    # Render and Denoise Shot
+    "whole_kept": "{frames:frame is} rendered already and kept: turn on Render Again to render all frames",
+    "whole_failed": "{frames:frame is} not rendered: see what Blender reports, then press Render and Denoise Shot again",
+    "whole_stopped": "Rendering was stopped: press Render and Denoise Shot again to go on",
+    "whole_gone": "Scene {name} is gone",
+    "whole_done": "{total:frame} rendered and denoised, {rendered} of them now",
+    "whole_composited": "{total:frame} rendered, denoised and composited, {rendered} of them rendered now",
     # Check Shot
     "ready": "The shot is ready",
     "problems": "{count:problem}",
@@ -186,6 +220,10 @@ _FOR_ARTISTS = (
     (r"leave --aov all out", "turn Light Passes off"),
     (r"\(--aov\)", "(Light Passes)"),
     (r"pass --output, or set output in hush\.toml", "choose a folder under Denoised Frames"),
+    (
+        r"choose another output folder or set overwrite to true to replace (?:what is there|them)",
+        "choose another folder under Denoised Frames, or delete them",
+    ),
     (r"pass --overwrite to replace them", "choose another folder under Denoised Frames, or delete them"),
     (r"pass --enable to denoise it all the same", "ask who prepared the shot"),
     # What has no field in Blender is left out.

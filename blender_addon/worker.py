@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Denoises in a process of its own, so that Blender stays usable. Not part of the add-on's module: `job.py` starts it.
 
-The first line of standard input is the job as JSON: `path` (folders to import from) and `runs` (arguments of `hush.denoise_sequence`).
+The first line of standard input is the job as JSON: `path` (folders to import from) and `runs` (`arguments` of
+`hush.denoise_sequence`, and `warnings` that are told first).
 A second line, or the end of the input as when Blender ends, stops it after the frame in hand. On standard output each event is a line
 of JSON with the number of its `run`; the last one is `finished` with the `results`, or `refused` with a `message`.
 """
@@ -20,15 +21,9 @@ def main() -> int:
     """Does the job; 0 where all runs came to their end."""
     # Ctrl-C goes to Blender too, which then says what to do.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    tell = _speaker()
+    tell = speaker()
     job = json.loads(sys.stdin.readline())
-    stopped = threading.Event()
-
-    def listen() -> None:
-        sys.stdin.readline()
-        stopped.set()
-
-    threading.Thread(target=listen, daemon=True).start()
+    stopped = listen()
     sys.path[:0] = job["path"]
     try:
         import hush
@@ -36,12 +31,13 @@ def main() -> int:
         tell({"event": "refused", "message": f"The Hush library does not load: {error}"})
         return 1
     results = []
-    for number, arguments in enumerate(job["runs"]):
+    for number, run in enumerate(job["runs"]):
+        arguments = run["arguments"]
         if isinstance(arguments["lam"], dict):
             arguments["lam"] = {int(frame): value for frame, value in arguments["lam"].items()}
         progress = lambda event, number=number: tell({**event, "run": number})
         try:
-            for message in _drop_strange_layers(hush, arguments):
+            for message in run["warnings"]:
                 progress({"event": "warning", "kind": "note", "message": message})
             results.append(hush.denoise_sequence(**arguments, progress=progress, cancel=stopped.is_set))
         except (OSError, ValueError, TypeError, MemoryError, hush.HushError) as error:
@@ -53,24 +49,19 @@ def main() -> int:
     return 0
 
 
-def _drop_strange_layers(hush: Any, arguments: dict[str, Any]) -> list[str]:  # noqa: ANN401 (the module)
-    """Leaves out the scene's view layers where the files have none of these, such as files of another scene."""
-    example = arguments.pop("example", None)
-    if not example or not os.path.exists(example):
-        return []
-    told = hush.inspect(example)
-    there = {layer["name"] for layer in told.get("layout", told)["layers"]}
-    strange = [name for name in arguments["layers"] if name not in there]
-    arguments["layers"] = [name for name in arguments["layers"] if name in there]
-    if arguments["vector_layer"] and arguments["vector_layer"] not in there:
-        strange.append(arguments["vector_layer"])
-        arguments["vector_layer"] = None
-    if not strange or there == {""}:
-        return []
-    return [f"{os.path.basename(example)} has no view layer {' and '.join(strange)}, only {', '.join(sorted(there))}"]
+def listen() -> threading.Event:
+    """Set once a further line, or the end of the input, says to stop."""
+    stopped = threading.Event()
+
+    def wait() -> None:
+        sys.stdin.readline()
+        stopped.set()
+
+    threading.Thread(target=wait, daemon=True).start()
+    return stopped
 
 
-def _speaker() -> Callable[[dict[str, Any]], None]:
+def speaker() -> Callable[[dict[str, Any]], None]:
     """Writes events to the real standard output; whatever else prints goes to standard error."""
     lines = os.fdopen(os.dup(1), "w", encoding="utf-8", buffering=1)
     os.dup2(2, 1)

@@ -3,8 +3,8 @@
     pip install bpy==5.0.1 hush-denoise && python samples/headless.py --frames 12
     blender -b -P samples/headless.py -- --frames 12 --size 640x360 --samples 16
 
-The extension is taken as it is installed in Blender, else from this repository. The last three calls are all that an existing
-script needs.
+The extension is taken as it is installed in Blender, else from this repository. The last call is all that an existing script needs; run
+again it goes on where it was stopped.
 """
 
 from __future__ import annotations
@@ -134,10 +134,7 @@ def main() -> None:
     scene.hush.composite_format = "PNG"
     bpy.ops.hush.add_node()
 
-    bpy.ops.hush.prepare_shot()
-    bpy.ops.render.render(animation=True)
-    bpy.ops.hush.denoise_shot()
-    bpy.ops.hush.composite_shot()
+    bpy.ops.hush.whole_shot()
     print(f"The frames are in {chosen.output}/noisy, /denoised and /composited", flush=True)
 
 

@@ -172,7 +172,7 @@ def test_scenes_that_cannot_be() -> None:
 def test_missing_and_damaged_frames_are_an_error_but_the_rest_is_done() -> None:
     scene, frames = shot_scene("gaps")
     (frames / "frame_0004.exr").unlink()
-    refused("Frames 4 are not rendered")
+    refused("Frame 4 is not rendered: press Render Animation")
     assert images(frames / "denoised") == [name for name in NAMES if "4" not in name]
     shutil.copy(kit.shot() / "frame_0004.exr", frames)
     (frames / "frame_0005.exr").write_bytes((kit.shot() / "frame_0005.exr").read_bytes()[:20000])
@@ -183,7 +183,7 @@ def test_missing_and_damaged_frames_are_an_error_but_the_rest_is_done() -> None:
 
 def test_stopped_half_way_and_continued() -> None:
     scene, frames, names = long_scene("stopped")
-    running = job.start(scene.name, denoise.runs(scene))
+    running = denoise.start(scene)
     assert not bpy.ops.hush.denoise_shot.poll(), "a second run could be started"
     wait_for_frames(running, 2)
     assert denoise.progress(scene) is not None and 0 < running.fraction < 1
@@ -205,7 +205,7 @@ def test_stopped_half_way_and_continued() -> None:
 
 def test_a_worker_that_is_killed_is_told() -> None:
     scene, frames, names = long_scene("killed")
-    running = job.start(scene.name, denoise.runs(scene))
+    running = denoise.start(scene)
     wait_for_frames(running, 1)
     os.kill(running._process.pid, signal.SIGKILL)
     wait_for_end(running)
@@ -223,8 +223,8 @@ def test_the_worker_ends_with_blender() -> None:
         f"""
 import importlib, os, sys, bpy
 bpy.ops.wm.open_mainfile(filepath=sys.argv[1])
-denoise, job = (importlib.import_module("{kit.MODULE}." + name) for name in ("denoise", "job"))
-running = job.start("Scene", denoise.runs(bpy.data.scenes["Scene"]))
+denoise = importlib.import_module("{kit.MODULE}.denoise")
+running = denoise.start(bpy.data.scenes["Scene"])
 print("worker", running._process.pid, flush=True)
 os._exit(0)
 """,
@@ -240,7 +240,7 @@ os._exit(0)
 
 def test_switching_the_extension_off_stops_the_worker() -> None:
     scene, _, _ = long_scene("off")
-    running = job.start(scene.name, denoise.runs(scene))
+    running = denoise.start(scene)
     kit.disable()
     assert running._process.poll() is not None
     kit.enable()
@@ -263,6 +263,63 @@ def test_motion_blur_takes_the_vectors_of_the_other_layer() -> None:
     noisy, made = (kit.channels(folder / "frame_0002.exr") for folder in (frames, frames / "denoised"))
     kit.assert_differs(made["ViewLayer.Combined.R"], noisy["ViewLayer.Combined.R"], 0.001)
     kit.assert_close(made["Hush Vectors.Combined.R"], noisy["Hush Vectors.Combined.R"], 0.0, "the layer of the vectors")
+
+
+def test_after_undo_prepare_the_files_still_give_the_vectors() -> None:
+    """Bug 5: the good frames were overwritten without motion vectors, as the scene had the layer no more."""
+    scene = kit.build_scene("blur", kit.folder("undone"))
+    scene.view_layers.remove(scene.view_layers["Vectors"])
+    assert bpy.ops.hush.prepare_shot() == {"FINISHED"}
+    scene.frame_end = 3
+    bpy.ops.render.render(animation=True)
+    frames = Path(scene.render.filepath).parent
+    assert bpy.ops.hush.denoise_shot() == {"FINISHED"}
+    before = {name: (frames / "denoised" / name).stat().st_mtime_ns for name in images(frames / "denoised")}
+    assert bpy.ops.hush.undo_prepare() == {"FINISHED"}
+    assert "Hush Vectors" not in scene.view_layers
+    assert bpy.ops.hush.denoise_shot() == {"FINISHED"}
+    assert {name: (frames / "denoised" / name).stat().st_mtime_ns for name in before} == before, "frames were made again"
+    assert bpy.ops.hush.denoise_shot(overwrite=True) == {"FINISHED"}
+    entry = manifest(frames / "denoised")["frame_0002.exr"]
+    assert entry["settings"]["vector_layer"] == "Hush Vectors" and helped(entry) == [1, 3]
+    # A layer of that name without the record of Prepare Shot, as in a copy of the scene.
+    scene.view_layers.new("Hush Vectors")
+    settings, _ = importlib.import_module(f"{kit.MODULE}.shot").settings(scene, frames / "frame_0001.exr")
+    assert settings["layers"] == ["ViewLayer"] and settings["vector_layer"] == "Hush Vectors", settings
+
+
+def test_what_is_left_is_told_from_the_first_frame_on() -> None:
+    running = denoise.DenoiseJob.__new__(denoise.DenoiseJob)
+    vars(running).update(fraction=0.0, text="", warnings=[], cancelled=False, _bad={}, _runs=2, _frames=1, _finished=0)
+    vars(running).update(_in_frame=0.0, _todo=0, _here=0, _computed=0, _first=0.0, results=[], _said_the_end=False)
+    take = lambda kind, run=0, **fields: running._take({"event": kind, "run": run, **fields})
+    take("start", frames=5, todo=4)
+    assert running.text == "Denoising 4 frames"
+    take("frame", frame=1, status="skipped", finished=1, frames=5)
+    take("working", frame=2)
+    assert running.text == "Denoising frame 2" and running.fraction == 0.1
+    running._first -= 60
+    take("progress", frame=2, fraction=0.5)
+    assert running.text == "Denoising frame 2, about 15 minutes left" and abs(running.fraction - 0.15) < 1e-9, running.text
+    take("frame", frame=2, status="denoised", finished=2, frames=5)
+    assert running.text == "Denoising frame 2, about 7 minutes left", running.text
+    take("start", 1, frames=5, todo=4)
+    take("working", 1, frame=1)
+    assert running.text == "Denoising frame 1, about 4 minutes left" and running.fraction == 0.5, running.text
+    assert job.left(20) == "less than a minute left" and job.left(60 * 61) == "about 1 hour 1 minute left"
+
+
+def test_errors_name_fields_and_no_options_of_the_command_line() -> None:
+    _, frames = shot_scene("words")
+    (frames / "denoised").mkdir()
+    shutil.copy(frames / NAMES[0], frames / "denoised")
+    refused("Denoised Frames")
+    scene = kit.build_scene("bare", kit.copy_of_shot("bare-words", "bare"))
+    scene.hush.window = "2"
+    try:
+        bpy.ops.hush.denoise_shot()
+    except RuntimeError as error:
+        assert "--" not in str(error), error
 
 
 def test_two_scenes() -> None:
@@ -322,7 +379,7 @@ class Window:
         """The operator's own functions on an object that is not Blender's."""
         kind = denoise.HUSH_OT_denoise_shot
         fake = SimpleNamespace(input_filepath="", output_filepath="", overwrite=False, scene="", _timer=object())
-        for name in ("_begin", "_show", "_hide", "_finish", "modal", "cancel"):
+        for name in ("_begin", "_show", "_hide", "_finish", "_outcome", "_ended", "modal", "cancel"):
             setattr(fake, name, MethodType(getattr(kind, name), fake))
         fake.report = lambda level, text: self.reports.append((*level, text))
         return fake
