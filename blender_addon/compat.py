@@ -1,29 +1,16 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
 # SPDX-License-Identifier: Apache-2.0
-"""What differs between Blender 4.2, 4.5 and 5.0, and nothing else."""
+"""What differs between Blender 4.2, 4.5, 5.0 and 5.2, and nothing else."""
 
 import os
-from collections.abc import Callable, Iterable, Iterator
-from typing import NamedTuple
+from collections.abc import Callable, Iterable
 
 import bpy
 
 BLENDER_5 = bpy.app.version >= (5, 0, 0)
-# Blender 5 has the nodes that shading, geometry and compositing share under one name.
-MATH_NODE = "ShaderNodeMath" if BLENDER_5 else "CompositorNodeMath"
 # The Image node of Blender 5.0 shows the first view for all, where one file holds several.
 READS_VIEWS_OF_ONE_FILE = not BLENDER_5
 ADD_MENU = "NODE_MT_compositor_node_add_all"
-
-
-class Choice(NamedTuple):
-    """A node that gives, at each pixel, image `b` where `choose` is 1 and `a` where it is 0, all four channels."""
-
-    node: bpy.types.Node
-    choose: bpy.types.NodeSocket
-    a: bpy.types.NodeSocket
-    b: bpy.types.NodeSocket
-    result: bpy.types.NodeSocket
 
 
 def compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
@@ -31,16 +18,6 @@ def compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
     if BLENDER_5:
         return scene.compositing_node_group
     return scene.node_tree if scene.use_nodes else None
-
-
-def compositor_trees() -> Iterator[bpy.types.NodeTree]:
-    """Every tree of compositor nodes in the file, those inside nodes too."""
-    for scene in bpy.data.scenes if not BLENDER_5 else ():
-        if scene.node_tree is not None:
-            yield scene.node_tree
-    for tree in bpy.data.node_groups:
-        if tree.bl_idname == "CompositorNodeTree":
-            yield tree
 
 
 def ensure_compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree:
@@ -71,27 +48,6 @@ def output_node(tree: bpy.types.NodeTree) -> bpy.types.Node:
     if BLENDER_5 and not any(item.item_type == "SOCKET" and item.in_out == "OUTPUT" for item in tree.interface.items_tree):
         tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
     return (active or nodes or [tree.nodes.new(kind)])[0]
-
-
-def new_choice(tree: bpy.types.NodeTree) -> Choice:
-    """A new node that chooses between two images.
-
-    The nearer one by made-up depths: a mix node would keep the alpha of its first image.
-    """
-    node = tree.nodes.new("CompositorNodeZcombine")
-    for name in ("use_alpha", "use_antialias_z"):
-        if hasattr(node, name):
-            setattr(node, name, False)
-    for socket in node.inputs:
-        if socket.type == "BOOLEAN":
-            socket.default_value = False
-    node.inputs[3].default_value = 0.5
-    return choice_sockets(node)
-
-
-def choice_sockets(node: bpy.types.Node) -> Choice:
-    """Such a node with its sockets."""
-    return Choice(node, node.inputs[1], node.inputs[0], node.inputs[2], node.outputs[0])
 
 
 def fcurves(owner: bpy.types.ID) -> Iterable[bpy.types.FCurve]:
