@@ -6,6 +6,7 @@ use ndarray::{Array, ArrayD, ArrayView, Dimension, Ix3, Ix4, s};
 use safetensors::SafeTensors;
 
 use super::*;
+use crate::frame::Frame;
 use crate::network::features::Stored;
 
 const MODEL: &[u8] = include_bytes!("../../tests/data/golden_model.safetensors");
