@@ -3,6 +3,7 @@
 use crate::metrics::tonemap::srgb;
 
 /// Linear radiance, 2 to the power of `exposure` brighter, as sRGB, 0…255: cut at 1, no view transform. NaN and negative are black.
+#[allow(clippy::manual_clamp, reason = "clamp would leave NaN as it is")]
 pub fn shown(linear: [f64; 3], exposure: f64) -> [f64; 3] {
     let gain = exposure.exp2();
     linear.map(|v| 255.0 * srgb((v * gain).max(0.0).min(1.0)))

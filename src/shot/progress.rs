@@ -90,7 +90,6 @@ mod tests {
         let mut progress = FrameProgress::new(&report, 7, reads);
         (0..reads).for_each(|_| progress.read_one());
         progress.follow(work);
-        drop(progress);
         all.into_inner()
     }
 
