@@ -61,7 +61,7 @@ def _asked(scene: bpy.types.Scene, patterns: list[Path], output: Path) -> object
     """All that the answer depends on, but for the disk."""
     cycles = scene.render.engine == "CYCLES"
     layers = [(name, *prepare.missing_passes(scene.view_layers[name])) for name in shot.layers(scene) if cycles]
-    return patterns, output, shot.frame_range(scene), layers, shot.settings(scene), shot.render_size(scene)
+    return patterns, output, shot.frame_range(scene), layers, shot.settings(scene, None), shot.render_size(scene)
 
 
 class HUSH_OT_check_shot(bpy.types.Operator):

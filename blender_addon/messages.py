@@ -74,6 +74,7 @@ TEXTS = {
     ),
     "older_layer": "{file} has no view layer {layers}: it is of an earlier render. Press Render Animation",
     "older_pass": "{file} lacks {passes} of {layer}, turned on since it was rendered: press Render Animation",
+    "strange_layers": "{file} has no view layer {layers}, only {there}: choose other files under Rendered Frames, or render again",
     "lossy_file": "{file} has lossy compression ({compression}): choose ZIP under Output › Codec and press Render Animation",
     "stale": "{frames:frame is} out of date: {reason}. Press Denoise Shot",
     "frames_are": "{frames:frame is}",

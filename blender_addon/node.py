@@ -218,7 +218,7 @@ def _show(tree: bpy.types.NodeTree, scene: bpy.types.Scene) -> str | None:
 def _settings(scene: bpy.types.Scene) -> object:
     hush, render = scene.hush, scene.render
     paths = render.filepath, hush.input_folder, hush.output_folder, hush.vector_layer
-    return shot.settings(scene), paths, shot.render_size(scene), render.use_multiview
+    return shot.settings(scene, None)[0], paths, shot.render_size(scene), render.use_multiview
 
 
 def _files(scene: bpy.types.Scene) -> object:

@@ -38,13 +38,14 @@ class RENDER_PT_hush(_HushPanel, bpy.types.Panel):
         state = status.last_known(scene)
         problems = refresh.problems(scene) or []
         steps = [[p for p in problems if _STEP_OF.get(p.key, 1) == step] for step in (1, 2, 3, 4)]
+        layout.operator("hush.whole_shot", icon="RENDER_ANIMATION")
         _draw_prepare(layout, scene, all(p.level == check.INFO for p in steps[0]))
         _draw_problems(layout, steps[0], width)
         _draw_render(layout, state)
         _draw_problems(layout, steps[1], width)
         _draw_denoise(layout, scene, state, width)
         _draw_problems(layout, steps[2], width)
-        _draw_composite(layout, scene, width)
+        _draw_composite(layout, scene, state, width)
         _draw_problems(layout, steps[3], width)
 
 
@@ -130,11 +131,13 @@ def _draw_denoise(layout: bpy.types.UILayout, scene: bpy.types.Scene, state: sta
         _paragraph(layout.column(align=True), messages.sentence(state.text), width, icon="ERROR" if state.stale else "BLANK1")
 
 
-def _draw_composite(layout: bpy.types.UILayout, scene: bpy.types.Scene, width: float) -> None:
+def _draw_composite(layout: bpy.types.UILayout, scene: bpy.types.Scene, state: status.ShotStatus | None, width: float) -> None:
     trees = node.trees(scene)
     has_node = bool(trees)
     row = _step(layout, None, "hush.composite_shot", "4. Composite Denoised")
     row.enabled = has_node
+    if state and state.stale:
+        row.operator("hush.composite_shot", text="", icon="TIME").allow_stale = True
     if not has_node:
         layout.operator("hush.add_node", icon=node.ICON)
     _draw_reasons(layout, trees, width)

@@ -2,24 +2,25 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a scene says about its shot: where the frames are, which ones, and with which settings to denoise them."""
 
+import glob
 import json
 import re
 from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import bpy
 
-from . import compat, messages
+from . import compat, messages, prepare
 
 LAMBDA_MIN, LAMBDA_MAX = 1.0, 64.0
 _HASHES = re.compile(r"#+(?=[^#]*$)")
-# As Prepare Shot names it, also where Blender had to number it.
-_MADE_FOR_VECTORS = re.compile(r"Hush Vectors(\.\d+)?")
 _NUMBERED = re.compile(r"^(.*?)(-?\d+)(\D*)\.exr$", re.IGNORECASE)
 _sequences: dict[Path, tuple[int, list[str]]] = {}
-_layers: dict[Path, tuple[int, set[str]]] = {}
+_examples: dict[Path, tuple[int, Path | None]] = {}
+_layers: dict[Path, tuple[int | None, list[str]]] = {}
+# View layers that Prepare Shot made.
+_VECTOR_LAYER = re.compile(rf"{re.escape(prepare.VECTOR_LAYER)}(\.\d+)?")
 
 
 class ShotError(Exception):
@@ -112,51 +113,70 @@ def sequences(scene: bpy.types.Scene) -> list[dict[str, Any]]:
         ShotError: Blender cannot make a path of the scene's output setting.
     """
     frames, output = list(frame_range(scene)), str(output_folder(scene))
-    return [{"inputs": str(pattern), "output": output, "frames": frames, **settings(scene)} for pattern in frame_patterns(scene)]
+    made = []
+    for pattern in frame_patterns(scene):
+        chosen, _ = settings(scene, example(pattern))
+        made.append({"inputs": str(pattern), "output": output, "frames": frames, **chosen})
+    return made
 
 
-def settings(scene: bpy.types.Scene) -> dict[str, Any]:
-    """How the scene's frames are denoised, as arguments of `hush.denoise_sequence`: all that decides about the pixels."""
-    return {
+def settings(scene: bpy.types.Scene, file: Path | None) -> tuple[dict[str, Any], list[str]]:
+    """The scene's settings as `hush.denoise_sequence` and `hush.check_sequence` take them, and what is odd about them, in words.
+
+    What the files hold decides, and `file` is one of them: a view layer that Prepare Shot made gives the motion vectors and is not
+    denoised, also where the scene has it no more; layers that the files do not have, such as files of another scene, are left out.
+    """
+    vectors = vector_layer(scene)
+    names = [name for name in layers(scene) if not _VECTOR_LAYER.fullmatch(name)]
+    there, strange = _layers_of(file), []
+    if there:
+        spare = [name for name in there if _VECTOR_LAYER.fullmatch(name)]
+        strange = [name for name in (*names, vectors) if name and name not in there]
+        names = [name for name in names if name in there]
+        vectors = vectors if vectors in there else next(iter(spare), None)
+    chosen = {
         "lam": lambda_keys(scene),
         "window": window(scene),
-        "layers": layers(scene),
-        "vector_layer": vector_layer(scene),
+        "layers": names,
+        "vector_layer": vectors,
         "aovs": ["all"] if scene.hush.use_light_passes else [],
         "keep_noisy": bool(scene.hush.keep_noisy),
     }
+    lacking = {"layers": " and ".join(strange), "there": ", ".join(sorted(there))}
+    return chosen, [messages.text("strange_layers", file=file.name, **lacking)] if strange else []
 
 
-def drop_strange_layers(arguments: dict[str, Any], inspect: Callable[[str], dict[str, Any]]) -> None:
-    """Fits the arguments of `sequences` to the files that are there, as Denoise Shot does."""
-    pattern = Path(arguments["inputs"])
-    files = (frame_file(pattern, frame) for frame in arguments["frames"])
-    example = next((file for file in files if file.is_file() and file.stat().st_size), None)
-    if example is not None:
-        fit_to_file(arguments, example, inspect)
+def example(pattern: Path) -> Path | None:
+    """The first file of a pattern, or of a folder, that is not empty. Remembered until something comes into the folder or goes."""
+    folder = pattern if pattern.is_dir() else pattern.parent
+    try:
+        changed = folder.stat().st_mtime_ns
+    except OSError:
+        return None
+    known = _examples.get(pattern)
+    if known is None or known[0] != changed or known[1] is None:
+        name = "*.exr" if pattern == folder else re.sub(r"#+", "*", glob.escape(pattern.name))
+        found = next((path for path in sorted(folder.glob(name)) if path.is_file() and path.stat().st_size), None)
+        known = _examples[pattern] = changed, found
+    return known[1]
 
 
-def fit_to_file(arguments: dict[str, Any], file: Path, inspect: Callable[[str], dict[str, Any]]) -> list[str]:
-    """What the files hold decides about the view layers, and `file` is one of them; returns names that it lacks.
-
-    The layer that Prepare Shot made for the motion vectors gives them and is not denoised, also where the scene has it no more. Layers
-    that the file lacks are left out, as for files of another scene.
-    """
-    there = _layers_of(file, inspect)
-    asked = [*arguments["layers"], *filter(None, [arguments["vector_layer"]])]
-    made = sorted(name for name in there if _MADE_FOR_VECTORS.fullmatch(name))
-    arguments["layers"] = [name for name in arguments["layers"] if name in there and name not in made]
-    if arguments["vector_layer"] not in there:
-        arguments["vector_layer"] = next(iter(made), None)
-    return [name for name in asked if name not in there] if there != {""} else []
-
-
-def _layers_of(file: Path, inspect: Callable[[str], dict[str, Any]]) -> set[str]:
-    stamp = file.stat().st_mtime_ns
-    if file not in _layers or _layers[file][0] != stamp:
-        told = inspect(str(file))
-        _layers[file] = stamp, {layer["name"] for layer in told.get("layout", told).get("layers", [])}
-    return _layers[file][1]
+def _layers_of(file: Path | None) -> list[str]:
+    """The view layers in a file; none where it has no names for them, or cannot be read."""
+    try:
+        import hush
+    except ImportError:
+        return []
+    try:
+        stamp = file.stat().st_mtime_ns if file else None
+        if file is None or file in _layers and _layers[file][0] == stamp:
+            return _layers[file][1] if file else []
+        told = hush.inspect(str(file))
+    except (OSError, ValueError, hush.HushError):
+        return []
+    names = [layer["name"] for layer in told.get("layout", told).get("layers", ()) if layer["name"]]
+    _layers[file] = stamp, names
+    return names
 
 
 def render_size(scene: bpy.types.Scene) -> tuple[int, int] | None:

@@ -5,7 +5,6 @@
 import time
 from collections import Counter
 from collections.abc import Iterable
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -139,12 +138,8 @@ def _ask(scene: bpy.types.Scene, sequences: list[dict[str, Any]], numbers: Itera
     size = shot.render_size(scene)
     found: dict[int, list[Frame]] = {number: [] for number in numbers}
     for arguments in sequences:
-        asked = dict(arguments)
-        # A damaged first file tells no view layers; the frame itself is told to be damaged.
-        with suppress(OSError, hush.HushError):
-            shot.drop_strange_layers(asked, hush.inspect)
         try:
-            told = _check.check(**asked | {"frames": list(found)})
+            told = _check.check(**arguments | {"frames": list(found)})
         except (OSError, ValueError, TypeError, hush.HushError) as error:
             raise StatusError(messages.of_error(error)) from None
         for entry in told["frames"]:

@@ -69,7 +69,7 @@ def test_before_anything_is_known() -> None:
     steps = ["hush.prepare_shot", "render.render", "hush.denoise_shot", "hush.composite_shot"]
     places = [shown.index(f"operator {step}") for step in steps]
     assert places == sorted(places)
-    assert "operator hush.add_node" in shown and "prop lam" in shown
+    assert "operator hush.add_node" in shown and "prop lam" in shown and "operator hush.whole_shot" in shown
 
 
 def test_problems_and_status_are_shown() -> None:
@@ -81,6 +81,11 @@ def test_problems_and_status_are_shown() -> None:
     shown = draw().replace("\n", " ")
     assert "2 of 5 frames denoised, 3 to do" in shown
     assert "operator hush.fix" in shown and "seed" in shown
+    assert "operator hush.add_node" not in shown
+    assert shown.count("operator hush.composite_shot") == 2, "one in each panel"
+    scene.hush.lam = 3.0
+    look(scene)
+    assert draw().count("operator hush.composite_shot") == 3, "and one that takes frames out of date"
 
 
 def test_the_node_tells_why_it_passes_the_image() -> None:
