@@ -284,8 +284,8 @@ mod tests {
         assert_eq!(report.frames[1].scores.unwrap().flicker, Some(0.0));
         assert_eq!(report.frames[2].motion, Some(Motion::Denoised));
         assert_eq!(report.warnings.len(), 2, "{:?}", report.warnings);
-        assert!(report.warnings[0].contains("all zero in frames 2"));
-        assert!(report.warnings[1].contains("none for frames 3"));
+        assert!(report.warnings[0].contains("all zero in frame 2:"));
+        assert!(report.warnings[1].contains("none for frame 3:"));
     }
 
     #[test]
@@ -356,8 +356,8 @@ mod tests {
         assert_eq!((fifth.non_finite_reference, fifth.non_finite_denoised), (0, 1));
         assert!(fifth.scores.unwrap().smape.is_finite());
         assert_eq!(fifth.scores.unwrap().flicker, None);
-        assert!(report.warnings.iter().any(|w| w.contains("denoised frames 9.")), "{:?}", report.warnings);
-        assert!(report.warnings.iter().any(|w| w.contains("1 pixels are NaN or infinite")), "{:?}", report.warnings);
+        assert!(report.warnings.iter().any(|w| w.contains("denoised frame 9.")), "{:?}", report.warnings);
+        assert!(report.warnings.iter().any(|w| w.contains("1 pixel is NaN or infinite")), "{:?}", report.warnings);
     }
 
     #[test]
@@ -384,7 +384,7 @@ mod tests {
         std::fs::create_dir(folder.path().join("empty")).unwrap();
         write(&folder.path().join("late/x0101.exr"), &[(&LIGHT, &formula(14, 17).0)]);
         let to = |name: &str| evaluate(&folder.path().join("ref"), &folder.path().join(name), &EvaluateOptions::default());
-        assert!(to("late").unwrap_err().to_string().contains("frames 101 here, 1-3 in"));
+        assert!(to("late").unwrap_err().to_string().contains("frame 101 here, frames 1-3 in"));
         assert!(to("empty").is_err());
         assert!(to("nowhere").is_err());
     }
