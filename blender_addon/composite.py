@@ -14,9 +14,8 @@ import bpy
 from bpy.props import BoolProperty, StringProperty
 
 from . import background, composite_frames, composite_plan, exr, job, messages, prepare, refresh, shot
-from .composite_plan import CompositeError, folder
+from .composite_plan import CompositeError
 
-__all__ = ["CompositeError", "CompositeJob", "folder", "outcome", "start"]
 _WORKER = Path(__file__).with_name("composite_worker.py")
 
 

@@ -10,6 +10,7 @@ again it goes on where it was stopped.
 from __future__ import annotations
 
 import argparse
+import atexit
 import importlib.util
 import math
 import sys
@@ -66,6 +67,8 @@ def load_hush() -> None:
     import blender_addon
 
     blender_addon.register()
+    # Blender 4.5 hangs at its end while classes are registered; of installed extensions it sees to that itself.
+    atexit.register(blender_addon.unregister)
 
 
 def material(name: str, colour: tuple[float, float, float], *, metallic: float = 0.0, roughness: float = 0.5) -> bpy.types.Material:
