@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 
+TIME_LIMIT = 1000.0
 USE = """
 import bpy, sys, kit
 kit.enable()
@@ -29,7 +30,7 @@ print("came to the end", flush=True)
 
 def comes_to_the_end(code: str) -> None:
     """Fails if a Blender that does this with the node in the open file crashes."""
-    result = subprocess.run([sys.executable, "-c", USE + code + END], capture_output=True, text=True, timeout=90, check=False)
+    result = subprocess.run([sys.executable, "-c", USE + code + END], capture_output=True, text=True, timeout=240, check=False)
     assert result.returncode == 0 and "came to the end" in result.stdout, f"exit code {result.returncode}\n{result.stdout}{result.stderr}"
 
 
