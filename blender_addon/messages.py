@@ -182,6 +182,18 @@ TEXTS = {
     "node_unrendered": "this frame is not rendered; press Render Animation",
     "node_layer": "the denoised frame has no view layer {layer}; choose another as the node's View Layer",
     "node_unknown": "its files have not been looked at yet",
+    # Denoise This Frame
+    "preview_unrendered": "Frame {frame} is not rendered, there is no {file}: press Render Animation, or go to a frame that is",
+    "preview_stopped": "Denoise This Frame was stopped",
+    "preview_alone": "Frame {frame} denoised by itself in {seconds:.1f} s, λ {lam:g}",
+    "preview_helped": "Frame {frame} denoised with {frames:frame} in {seconds:.1f} s, λ {lam:g}",
+    "preview_choose": "{done}. Choose the image {image} in an Image Editor to see it",
+    "preview_running": "Denoising this frame",
+    "preview_region": "Only the render region",
+    "preview_about": "Frame {frame}, λ {lam:g}, window {window}: {seconds:.1f} s",
+    "preview_change": "Changes by {change:.1%} from the frame before",
+    "preview_scale": "White: {most:.0%} and more. Blue: not in the frame before",
+    "preview_no_flicker": "Press With Flicker to see it",
 }
 
 # Why a denoised frame is not what denoising now would give, by `kind` of `hush.check_sequence`.
@@ -210,26 +222,21 @@ STALE = {
     "foreign": "not written by Hush",
 }
 
-# Words of the command line in errors of the library, and what stands for them in Blender.
+# Numbers of errors, and settings that the library advises, in the words of buttons and fields.
 _FOR_ARTISTS = (
     (r"\[Errno \d+\] ", ""),
     (r" ?\(os error \d+\)", ""),
-    (r"pass --window 0\b", "set Window to This Frame Only"),
-    (r"pass --vector-layer(?: NAME)?", "choose it as Vectors From"),
-    (r"\(--vector-layer\)", "(Vectors From)"),
-    (r"--vector-layer\b", "Vectors From"),
-    (r"leave --aov all out", "turn Light Passes off"),
-    (r"\(--aov\)", "(Light Passes)"),
-    (r"pass --output, or set output in hush\.toml", "choose a folder under Denoised Frames"),
+    (r"set window to 0\b", "set Window to This Frame Only"),
+    (r"set vector layer to '([^']*)'", r"choose \1 under Vectors From"),
+    (r"set vector layer to NAME", "choose it under Vectors From"),
+    (r"set aovs to none", "turn Light Passes off"),
+    (r"set output to DIR, or write it into hush\.toml", "choose a folder under Denoised Frames"),
     (
-        r"choose another output folder or set overwrite to true to replace (?:what is there|them)",
+        r"choose another output folder or set overwrite to true to replace what is there",
         "choose another folder under Denoised Frames, or delete them",
     ),
-    (r"pass --overwrite to replace them", "choose another folder under Denoised Frames, or delete them"),
-    (r"pass --enable to denoise it all the same", "ask who prepared the shot"),
-    # What has no field in Blender is left out.
-    (r"(?:,? or |; |, |: )?pass --[\w-]+(?: [A-Z\d]+\b)?", ""),
-    (r"(?<!\w)--([a-z][\w-]*)", r"\1"),
+    (r",? or set overwrite to true", ", or choose another folder under Denoised Frames"),
+    (r"set enable to true to denoise it all the same", "ask who prepared the shot"),
 )
 _PLURALS = {"is": "are", "was": "were", "has": "have"}
 

@@ -10,7 +10,7 @@ import bpy
 from bpy.app.handlers import persistent
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 
-from . import job, prepare, preview_image, preview_job, shot
+from . import job, messages, prepare, preview_image, preview_job, shot
 
 _TICK = 0.1
 # A slider that is dragged asks for many images; one is made when it rests this long.
@@ -64,7 +64,7 @@ def arguments(scene: bpy.types.Scene, view_layer: str, *, flicker: bool = False)
         raise PreviewError(str(error)) from None
     file = shot.frame_file(pattern, frame)
     if not file.is_file():
-        raise PreviewError(f"Frame {frame} is not rendered, there is no {file}: press Render Animation, or go to a frame that is")
+        raise PreviewError(messages.text("preview_unrendered", frame=frame, file=file))
     render, layers = scene.render, shot.layers(scene)
     border = [render.border_min_x, render.border_min_y, render.border_max_x, render.border_max_y] if render.use_border else None
     return (
@@ -86,19 +86,13 @@ def arguments(scene: bpy.types.Scene, view_layer: str, *, flicker: bool = False)
 def in_words(told: dict[str, Any]) -> str:
     """What was done, in a sentence."""
     helped = told["neighbours"]
-    by = f" with frames {', '.join(map(str, helped))}" if len(helped) > 1 else f" with frame {helped[0]}" if helped else " by itself"
-    return f"Frame {told['frame']} denoised{by} in {told['seconds']:.1f} s, λ {told['lam']:g}"
+    key = "preview_helped" if helped else "preview_alone"
+    return messages.text(key, frame=told["frame"], frames=helped, seconds=told["seconds"], lam=told["lam"])
 
 
 def notes(told: dict[str, Any]) -> list[str]:
     """What is odd about the frames, in the words of the buttons."""
-    swaps = ((", or pass --window 0", ""), ("pass --vector-layer NAME", "choose it under Settings › Vectors From, or press Prepare Shot"))
-    found = []
-    for note in told["notes"]:
-        for old, new in swaps:
-            note = note.replace(old, new)
-        found.append(note[:1].upper() + note[1:])
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys(messages.sentence(messages.of_error(note)) for note in told["notes"]))
 
 
 class HUSH_OT_preview_frame(bpy.types.Operator):
@@ -137,7 +131,7 @@ class HUSH_OT_preview_frame(bpy.types.Operator):
         layer = context.view_layer.name if context.view_layer and scene == context.scene else ""
         self._scene_name, self._editor = scene.name, preview_image.editor(context)
         try:
-            self._job = _running = preview_job.PreviewJob(*arguments(scene, layer, flicker=self.flicker))
+            self._job = _running = preview_job.PreviewJob(scene.name, *arguments(scene, layer, flicker=self.flicker))
         except (PreviewError, job.JobError) as error:
             self.report({"ERROR"}, str(error))
             return False
@@ -172,7 +166,7 @@ class HUSH_OT_preview_frame(bpy.types.Operator):
         if event.type == "ESC" and event.value == "PRESS":
             self._hide(context)
             self._drop()
-            self.report({"INFO"}, "Denoise This Frame was stopped")
+            self.report({"INFO"}, messages.text("preview_stopped"))
             return {"CANCELLED"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
@@ -208,7 +202,7 @@ class HUSH_OT_preview_frame(bpy.types.Operator):
         done, _running = self._job, None
         if done.result is None:
             done.discard()
-            self.report({"ERROR"}, done.error or "Denoise This Frame was stopped")
+            self.report({"ERROR"}, done.error or messages.text("preview_stopped"))
             return {"CANCELLED"}
         if self.flicker:
             _view["view"] = len(VIEWS) - 1
@@ -218,8 +212,8 @@ class HUSH_OT_preview_frame(bpy.types.Operator):
         preview_image.show(preview_image.Shown(self._scene_name, done.folder, done.result), *view_of(), editor)
         for text in notes(done.result):
             self.report({"WARNING"}, text)
-        where = "" if editor is not None else f". Choose the image {preview_image.NAME} in an Image Editor to see it"
-        self.report({"INFO"}, in_words(done.result) + where)
+        text = in_words(done.result)
+        self.report({"INFO"}, text if editor is not None else messages.text("preview_choose", done=text, image=preview_image.NAME))
         _redraw()
         return {"FINISHED"}
 
@@ -256,9 +250,9 @@ class IMAGE_PT_hush(bpy.types.Panel):
         row.operator("hush.preview_frame", icon="IMAGE_DATA").flicker = False
         row.operator("hush.preview_frame", text="With Flicker").flicker = True
         if scene.render.use_border:
-            layout.label(text="Only the render region", icon="BORDERMOVE")
+            layout.label(text=messages.text("preview_region"), icon="BORDERMOVE")
         if _running is not None:
-            layout.progress(factor=_running.fraction, text="Denoising this frame", type="BAR")
+            layout.progress(factor=_running.fraction, text=messages.text("preview_running"), type="BAR")
         shown = preview_image.current()
         if shown is None or preview_image.image() is None:
             return
@@ -268,12 +262,14 @@ class IMAGE_PT_hush(bpy.types.Panel):
         if view_of()[0] in ("WIPE", "FLICKER"):
             column.prop(window_manager, "hush_preview_wipe", slider=True)
         column = layout.column(align=True)
-        column.label(text=f"Frame {told['frame']}, λ {told['lam']:g}, window {told['window']}: {told['seconds']:.1f} s")
+        about = {name: told[name] for name in ("frame", "lam", "window", "seconds")}
+        column.label(text=messages.text("preview_about", **about))
         if told["change"] is not None:
-            column.label(text=f"Changes by {told['change']:.1%} from the frame before")
+            column.label(text=messages.text("preview_change", change=told["change"]))
         if view_of()[0] == "FLICKER":
-            text = f"White: {preview_image.MOST_CHANGE:.0%} and more. Blue: not in the frame before"
-            column.label(text=text if told["change"] is not None else "Press With Flicker to see it")
+            known = told["change"] is not None
+            scale = messages.text("preview_scale", most=preview_image.MOST_CHANGE)
+            column.label(text=scale if known else messages.text("preview_no_flicker"))
         for text in notes(told):
             column.label(text=text, icon="QUESTION")
         layout.operator("hush.end_preview", icon="X")

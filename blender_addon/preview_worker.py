@@ -8,12 +8,13 @@ end of the input as when Blender ends, stops it. On standard output each event i
 one is `finished` with what `hush.preview` tells besides the images, or `refused` with a `message`.
 """
 
+import importlib
 import json
 import os
 import signal
 import sys
-import threading
-from collections.abc import Callable
+import types
+from pathlib import Path
 from typing import Any
 
 IMAGES = ("noisy", "denoised", "previous", "flicker", "noisy_flicker")
@@ -21,16 +22,16 @@ IMAGES = ("noisy", "denoised", "previous", "flicker", "noisy_flicker")
 
 def main() -> int:
     """Does the job; 0 where the images are there."""
+    # Ctrl-C goes to Blender too, which then says what to do.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    tell = _speaker()
+    # The add-on's files without the add-on: its own `__init__` is not run.
+    parts = types.ModuleType("hush_parts")
+    parts.__path__ = [str(Path(__file__).parent)]
+    sys.modules["hush_parts"] = parts
+    worker = importlib.import_module("hush_parts.worker")
+    tell = worker.speaker()
     job = json.loads(sys.stdin.readline())
-    stopped = threading.Event()
-
-    def listen() -> None:
-        sys.stdin.readline()
-        stopped.set()
-
-    threading.Thread(target=listen, daemon=True).start()
+    stopped = worker.listen()
     sys.path[:0] = job["path"]
     try:
         import hush
@@ -78,21 +79,6 @@ def _pixels(border: list[float], columns: int, rows: int) -> tuple[int, int, int
     x, y = min(x, columns - 1), min(y, rows - 1)
     region = (x, y, min(end, columns) - x, min(low, rows) - y)
     return None if region == (0, 0, columns, rows) else region
-
-
-def _speaker() -> Callable[[dict[str, Any]], None]:
-    """Writes events to the real standard output; whatever else prints goes to standard error."""
-    lines = os.fdopen(os.dup(1), "w", encoding="utf-8", buffering=1)
-    os.dup2(2, 1)
-
-    def tell(event: dict[str, Any]) -> None:
-        try:
-            lines.write(json.dumps(event) + "\n")
-        except OSError:
-            # Blender is gone; the end of the input stops the work.
-            pass
-
-    return tell
 
 
 if __name__ == "__main__":
