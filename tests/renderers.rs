@@ -67,7 +67,7 @@ fn each_renderer_has_its_encoder() {
     assert!(manifest("mitsuba").contains(r#""renderer": "mitsuba""#));
     assert_eq!(manifest("plain").contains("renderer"), manifest("cycles").contains("renderer"));
     let again = hush(&shot, &["denoise", "shot", "-o", "mitsuba"]);
-    assert!(said(&again).contains("renderer mitsuba → default"), "{}", said(&again));
+    assert!(said(&again).contains("renderer mitsuba → cycles"), "{}", said(&again));
     assert_eq!(colours(&shot, "plain"), colours(&shot, "mitsuba"));
 }
 
