@@ -184,7 +184,7 @@ def test_a_missing_frame_is_told(hush: Hush, shot: Path, tmp_path: Path) -> None
         output = tmp_path / f"out{code}"
         result = hush("denoise", gap, "--output", output, *options)
         assert result.returncode == code, result.stderr
-        assert "missing frames 3" in result.stderr
+        assert "missing frame 3:" in result.stderr
         assert files(output) == ([] if code == 1 else names)
 
 
