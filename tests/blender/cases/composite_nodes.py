@@ -34,8 +34,9 @@ class Node(bpy.types.CompositorNodeCustomGroup):
 bpy.utils.register_class(Node)
 scene = bpy.context.scene
 tree = scene.compositing_node_group if bpy.app.version >= (5, 0) else scene.node_tree
-node, (link,) = tree.nodes.new(sys.argv[2]), tree.links
-source, target = link.from_socket, link.to_socket
+node = tree.nodes.new(sys.argv[2])
+target = next(each for each in tree.nodes if each.bl_idname in ("NodeGroupOutput", "CompositorNodeComposite")).inputs[0]
+source = target.links[0].from_socket
 tree.links.new(source, node.inputs[0])
 tree.links.new(node.outputs[0], target)
 bpy.ops.wm.save_mainfile()
