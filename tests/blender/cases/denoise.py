@@ -17,6 +17,7 @@ import numpy as np
 
 denoise = importlib.import_module(f"{kit.MODULE}.denoise")
 job = importlib.import_module(f"{kit.MODULE}.job")
+TIME_LIMIT = 900.0
 NAMES = [f"frame_{frame:04d}.exr" for frame in kit.FRAMES]
 
 
