@@ -157,7 +157,8 @@ def inspect(path: Path) -> dict[str, Any]:
     """Tells what an EXR file holds, what Hush will use of it and what is missing, as `hush inspect --json` does.
 
     Returns:
-        `layout` (size, parts, passes), `uses`, `missing` (with advice), `light_passes`, `notes`, `problem` (None where it can be denoised).
+        The file's layout (`columns`, `rows`, `layers` with their passes, `compression` and more), and `uses`, `missing` (with advice),
+        `light_passes`, `notes`, `problem` (None where it can be denoised).
 
     Raises:
         OSError: The file is not there or cannot be read.
