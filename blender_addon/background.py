@@ -6,7 +6,7 @@ import time
 
 import bpy
 
-from . import job, refresh
+from . import job, messages, refresh
 
 TICK = 0.1
 
@@ -22,7 +22,7 @@ class JobOperator:
         """One job at a time."""
         running = job.current()
         if running is not None:
-            cls.poll_message_set(f"The shot is being {running.doing}; Esc stops it")
+            cls.poll_message_set(messages.text("job_busy", doing=running.doing))
             return False
         return True
 

@@ -51,7 +51,8 @@ class CompositeJob(job.Job):
             if event["key"]:
                 self.told[event["frame"]] = (event["key"], event["reason"])
         if kind in ("start", "working", "frame") and not self.cancelled:
-            now = f"Compositing frame {event['frame']}" if "frame" in event else f"Compositing {event['frames']} frames"
+            one = "frame" in event
+            now = messages.text("compositing", frame=event["frame"]) if one else messages.text("compositing_all", count=event["frames"])
             rest = self.seconds / self.fraction * (1 - self.fraction) if self.fraction else None
             self.text = now if rest is None else f"{now}, {job.left(rest)}"
 

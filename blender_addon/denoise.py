@@ -88,11 +88,10 @@ def _names_a_file(path: Path) -> bool:
 def _check_output(inputs: Path, output: Path, target: str) -> None:
     folder = _folder_of(inputs)
     if folder.resolve() == output.resolve():
-        advice = f"choose another folder, such as {folder / 'denoised'}"
-        raise DenoiseError(f"The denoised frames would replace the rendered ones in {folder}: {advice}")
+        raise DenoiseError(messages.text("folder_replaces", folder=folder, other=folder / "denoised"))
     name = Path(target).name if target and _names_a_file(Path(bpy.path.abspath(target))) else ""
     if name and not inputs.is_dir() and _without_number(name) != _without_number(inputs.name):
-        raise DenoiseError(f"Denoised frames keep the names of the rendered ones ({inputs.name}), so {name} cannot be used: give a folder")
+        raise DenoiseError(messages.text("names_kept", file=inputs.name, name=name))
     wrong = check.why_not_writable(output)
     if wrong:
         raise DenoiseError(wrong)
@@ -148,21 +147,21 @@ class DenoiseJob(job.Job):
         if kind == "start":
             self._todo, self._here, self._in_frame = event.get("todo", 0), 0, 0.0
             self._finished, self._frames = 0, max(1, event.get("frames") or 1)
-            self._show(run, f"Denoising {_frames(self._todo)}")
+            self._show(run, messages.text("denoising_frames", count=self._todo))
         elif kind == "working":
             self._first = self._first or time.monotonic()
             self._in_frame = 0.0
-            self._show(run, f"Denoising frame {event['frame']}")
+            self._show(run, messages.text("denoising_frame", frame=event["frame"]))
         elif kind == "progress":
             self._in_frame = min(1.0, max(0.0, event.get("fraction") or 0.0))
-            self._show(run, f"Denoising frame {event['frame']}")
+            self._show(run, messages.text("denoising_frame", frame=event["frame"]))
         elif kind == "frame":
             computed = event.get("status") in ("denoised", "failed")
             self._here, self._computed, self._in_frame = self._here + computed, self._computed + computed, 0.0
             self._finished, self._frames = event.get("finished", 0), max(1, event.get("frames") or 1)
             if event.get("status") == "failed":
                 reason = messages.of_error(event.get("reason") or "failed")
-                self._bad.setdefault((run, event["frame"]), f"Frame {event['frame']}: {reason}")
+                self._bad.setdefault((run, event["frame"]), messages.text("frame_wrong", frame=event["frame"], reason=reason))
             self._show(run, self.text.partition(",")[0])
 
     def _show(self, run: int, now: str) -> None:
@@ -188,23 +187,21 @@ def outcome(done: job.Job) -> tuple[str, list[tuple[str, str]]]:
     stopped = next((result["stopped"] for result in results if result["stopped"]), None)
     errors = done.errors
     if done.cancelled and not errors:
-        text = f"Denoising was stopped; {_frames(written)} denoised. Press Denoise Shot again to go on"
+        text = messages.text("denoise_stopped", count=written)
         return "CANCELLED", [*reports, ("WARNING", text)]
     if errors or stopped or failed or missing or there < wanted or not results:
         why = [errors[0] if errors else messages.of_error(stopped or ""), _unrendered(missing) if missing else ""]
-        more = f"{len(errors) - 1} more errors" if len(errors) > 2 else "1 more error" if len(errors) == 2 else ""
-        how_many = f"{there} of {wanted + _count(missing)} frames are denoised" if results else ""
-        text = ". ".join(part.rstrip(".") for part in (*why, more, how_many) if part) or "Nothing was denoised"
+        more = messages.text("denoise_more", count=len(errors) - 1) if len(errors) > 1 else ""
+        how_many = messages.text("denoise_some", there=there, wanted=wanted + _count(missing)) if results else ""
+        text = ". ".join(part.rstrip(".") for part in (*why, more, how_many) if part) or messages.text("denoise_nothing")
         return "CANCELLED", [*reports, ("ERROR", text)]
     degraded = sorted({frame for result in results for frame in result["degraded"]})
     if degraded:
-        reports.append(("WARNING", f"{check.in_words(degraded)} denoised without a neighbour whose file is bad"))
-    kept = f", {_frames(there - written)} were there already" if there > written else ""
-    return "FINISHED", [*reports, ("INFO", f"{_frames(written)} denoised in {job.clock(done.seconds)}{kept}")]
-
-
-def _frames(count: int) -> str:
-    return "1 frame" if count == 1 else f"{count} frames"
+        reports.append(("WARNING", messages.text("degraded", frames=degraded)))
+    text = messages.text("denoise_done", count=written, clock=job.clock(done.seconds))
+    if there > written:
+        text = messages.text("denoise_kept", done=text, count=there - written)
+    return "FINISHED", [*reports, ("INFO", text)]
 
 
 def _unrendered(missing: str) -> str:

@@ -17,6 +17,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from . import messages
+
 # How long a stopped worker may go on with the frame in hand when Blender ends.
 _PATIENCE = 10.0
 _current: "Job | None" = None
@@ -35,7 +37,7 @@ class Job:
     def __init__(self, scene_name: str, command: list[str], work: dict[str, Any]) -> None:
         self.scene_name = scene_name
         self.fraction = 0.0
-        self.text = "Starting"
+        self.text = messages.text("job_starting")
         self.warnings: list[str] = []
         self.results: Any = []
         self.ended = False
@@ -88,7 +90,7 @@ class Job:
         """Stops after the frame in hand, so that no file is left half-written."""
         if not self.cancelled and not self.ended:
             self.cancelled = True
-            self.text = "Stopping after this frame"
+            self.text = messages.text("job_stopping")
             self._say("cancel\n")
 
     def close(self) -> None:
@@ -121,7 +123,7 @@ class Job:
             )
         except OSError as error:
             self._clean_up()
-            raise JobError(f"The process that {self.does} cannot be started: {error.strerror or error}") from error
+            raise JobError(messages.text("job_no_start", does=self.does, reason=error.strerror or error)) from error
         self._process = process
         for target in (self._read_events, self._read_errors):
             threading.Thread(target=target, daemon=True).start()
@@ -168,10 +170,10 @@ class Job:
             return
         words = next((line for line in reversed(self._last_words) if line.strip()), "")
         if code < 0 or code in (137, 0xC0000017):
-            why = "it was killed" + (", most likely as memory ran out" if code == -9 else f" by signal {-code}")
+            why = messages.text("job_no_memory") if code == -9 else messages.text("job_killed", signal=-code)
         else:
-            why = f"exit code {code}" + (f": {words}" if words else "")
-        self._bad[0, None] = f"The process that {self.does} ended before its time: {why}. Frames that were finished are kept"
+            why = messages.text("job_exit_words", code=code, words=words) if words else messages.text("job_exit", code=code)
+        self._bad[0, None] = messages.text("job_ended", does=self.does, reason=why)
 
     def _end_the_end(self) -> None:
         """A Blender that has told its results may still hang on its way out."""
@@ -204,7 +206,7 @@ def refuse_second() -> None:
     """
     running = current()
     if running is not None:
-        raise JobError(f"Scene {running.scene_name} is being {running.doing}; wait for it, or stop it with Esc")
+        raise JobError(messages.text("job_running", scene=running.scene_name, doing=running.doing))
 
 
 def start(new: Callable[[], Job]) -> Job:
@@ -255,7 +257,7 @@ def python() -> str:
         for name in (f"python{sys.version_info.major}.{sys.version_info.minor}", "python3", "python", "python.exe"):
             if (folder / name).is_file():
                 return str(folder / name)
-    raise JobError(f"Blender's Python is not where it should be, in {sys.prefix}")
+    raise JobError(messages.text("job_no_python", folder=sys.prefix))
 
 
 def import_path() -> list[str]:
@@ -268,5 +270,5 @@ def import_path() -> list[str]:
         import hush
         import numpy
     except ImportError as error:
-        raise JobError(f"The Hush library does not load in this Blender: {error}") from error
+        raise JobError(messages.text("library", reason=error)) from error
     return list(dict.fromkeys(str(Path(module.__file__).parents[1]) for module in (hush, numpy)))
