@@ -26,7 +26,7 @@ def of_hush(node: bpy.types.Node) -> tuple[bpy.types.Scene | None, str] | None:
         return getattr(settings, "scene", None), getattr(settings, "view_layer", "") or ""
     if node.bl_idname == _FIRST_FORM:
         return getattr(node, "source_scene", None), getattr(node, "view_layer", "")
-    if is_undefined(node) and _looks_like_the_first_form(node):
+    if is_first_form(node):
         scene = _kept(node).get("source_scene")
         return scene if isinstance(scene, bpy.types.Scene) else None, str(_kept(node).get("view_layer") or "")
     return None
@@ -43,8 +43,12 @@ def is_undefined(node: bpy.types.Node) -> bool:
     return node.bl_idname == "NodeUndefined"
 
 
-def _looks_like_the_first_form(node: bpy.types.Node) -> bool:
-    """Blender tells no name of an unknown class, so its sockets, its own name and its properties must do."""
+def is_first_form(node: bpy.types.Node) -> bool:
+    """Whether a node is one of Hush 0.1; Blender tells no name of an unknown class, so sockets, name and properties must do."""
+    if node.bl_idname == _FIRST_FORM:
+        return True
+    if not is_undefined(node):
+        return False
     sockets = [socket.name for socket in node.inputs], [socket.name for socket in node.outputs]
     known = node.name.split(".")[0] == _FIRST_NAME or {"source_scene", "view_layer"} & set(_kept(node).keys())
     return sockets == (["Image"], ["Image"]) and bool(known)

@@ -11,12 +11,10 @@ from pathlib import Path
 
 import bpy
 
-from . import compat, inside, messages, shot, status
+from . import compat, composite_nodes, inside, messages, shot, status
 
 LABEL, ICON = inside.NAME, "SHADERFX"
 _GROUP = "CompositorNodeGroup"
-# A node of Hush 0.1 was of a Python class of this name, which is unknown now.
-_OLD, _UNKNOWN = "HushTemporalDenoiseNode", "NodeUndefined"
 _why: dict[int, str] = {}
 # By tree that shows a frame: its scene's name and what that asked for.
 _asked: dict[int, tuple[str, object]] = {}
@@ -126,7 +124,7 @@ def forget() -> None:
 def faults(scene: bpy.types.Scene) -> Iterator[tuple[str, str]]:
     """What `repair` would mend, as keys of messages with the node's name."""
     for node in _all_nodes(scene):
-        if _is_old(node):
+        if composite_nodes.is_first_form(node):
             yield "node_old", node.name
         elif _is_broken(node):
             yield "node_broken", node.name
@@ -136,7 +134,7 @@ def repair(scene: bpy.types.Scene) -> int:
     """Replaces nodes of earlier versions of Hush, their links kept, and makes anew what is inside of broken ones. Returns how many."""
     count = 0
     for node in list(_all_nodes(scene)):
-        if _is_old(node) and not _is_linked(node):
+        if composite_nodes.is_first_form(node) and not _is_linked(node):
             _replace(node)
         elif _is_broken(node):
             inside.fill(node.node_tree)
@@ -237,28 +235,10 @@ def _stamp(file: Path | None) -> tuple[int, int] | None:
     return (found.st_size, found.st_mtime_ns) if found else None
 
 
-def _is_old(node: bpy.types.Node) -> bool:
-    """Whether a node is one of Hush 0.1; of an unknown class Blender tells no name, so its sockets and its own name must do."""
-    if node.bl_idname == _OLD:
-        return True
-    sockets = [[socket.name for socket in side] for side in (node.inputs, node.outputs)]
-    if node.bl_idname != _UNKNOWN or sockets != [["Image"], ["Image"]]:
-        return False
-    return node.name.split(".")[0] == LABEL or bool({"source_scene", "view_layer"} & set(_kept(node).keys()))
-
-
-def _kept(node: bpy.types.Node) -> object:
-    """The properties that an unknown node keeps, as a mapping."""
-    return (node.bl_system_properties_get() or {}) if hasattr(node, "bl_system_properties_get") else node
-
-
 def _replace(old: bpy.types.Node) -> None:
     parent = old.id_data
     made = new(parent)
-    kept = _kept(old)
-    if isinstance(kept.get("source_scene"), bpy.types.Scene):
-        made.node_tree.hush.scene = kept["source_scene"]
-    made.node_tree.hush.view_layer = kept.get("view_layer") or ""
+    made.node_tree.hush.scene, made.node_tree.hush.view_layer = composite_nodes.of_hush(old)
     made.location, made.width, made.parent = old.location, old.width, old.parent
     for link in [link for link in parent.links if old in (link.from_node, link.to_node)]:
         if link.to_node == old:

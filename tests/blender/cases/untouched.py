@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import bpy
+import composites
 import fingerprint
 import kit
 
@@ -21,16 +22,6 @@ compat, composite, composite_plan, denoise, job = (
 # Their purpose is a change that the artist asked for. The whole way begins with Prepare Shot; after that it is as the others.
 ASKED = {"prepare_shot", "undo_prepare", "add_node", "fix"}
 ROUNDS = 10
-
-
-def group_of_hush() -> bpy.types.NodeTree:
-    """The group of a node of Hush, with settings as the artist left them."""
-    group = bpy.data.node_groups.new("Temporal Denoise", "CompositorNodeTree")
-    group["hush_form"] = "test"
-    for direction in ("INPUT", "OUTPUT"):
-        group.interface.new_socket("Image", in_out=direction, socket_type="NodeSocketColor")
-    group.links.new(group.nodes.new("NodeGroupInput").outputs[0], group.nodes.new("NodeGroupOutput").inputs[0])
-    return group
 
 
 def rich_file(name: str, *, denoised: bool = True) -> tuple[bpy.types.Scene, Path]:
@@ -51,7 +42,7 @@ def rich_file(name: str, *, denoised: bool = True) -> tuple[bpy.types.Scene, Pat
     tree = compat.ensure_compositor_tree(scene)
     layers = next(each for each in tree.nodes if each.bl_idname == "CompositorNodeRLayers")
     ours, linked, blur = tree.nodes.new("CompositorNodeGroup"), tree.nodes.new("CompositorNodeGroup"), tree.nodes.new("CompositorNodeBlur")
-    ours.node_tree, linked.node_tree = group_of_hush(), bpy.data.node_groups["Shared", str(library)]
+    ours.node_tree, linked.node_tree = composites.hush_group(), bpy.data.node_groups["Shared", str(library)]
     tree.links.new(layers.outputs["Image"], ours.inputs[0])
     tree.links.new(ours.outputs[0], linked.inputs[0])
     tree.links.new(linked.outputs[0], compat.output_node(tree).inputs[0])
