@@ -12,7 +12,7 @@ TICK = 0.1
 
 
 class JobOperator:
-    """Denoise Shot and Composite Denoised. A kind starts its job in `_begin` and sums it up in `_outcome`."""
+    """Denoise Shot, Composite Denoised and Denoise This Frame. A kind starts its job in `_begin` and sums it up in `_outcome`."""
 
     _job: job.Job | None = None
     _timer: bpy.types.Timer | None = None

@@ -10,9 +10,8 @@ import bpy
 from bpy.app.handlers import persistent
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 
-from . import job, messages, prepare, preview_image, preview_job, shot
+from . import background, job, messages, prepare, preview_image, preview_job, shot
 
-_TICK = 0.1
 # A slider that is dragged asks for many images; one is made when it rests this long.
 _REST = 0.05
 VIEWS = (
@@ -95,7 +94,7 @@ def notes(told: dict[str, Any]) -> list[str]:
     return list(dict.fromkeys(messages.sentence(messages.of_error(note)) for note in told["notes"]))
 
 
-class HUSH_OT_preview_frame(bpy.types.Operator):
+class HUSH_OT_preview_frame(background.JobOperator, bpy.types.Operator):
     """Denoise the current frame, or its render region, with the scene's settings and show it in the Image Editor. Nothing is saved"""
 
     bl_idname = "hush.preview_frame"
@@ -111,7 +110,6 @@ class HUSH_OT_preview_frame(bpy.types.Operator):
     scene: StringProperty(name="Scene", description="Scene of the frame. Empty: the open one", options={"SKIP_SAVE"})
 
     _job: preview_job.PreviewJob | None = None
-    _timer: bpy.types.Timer | None = None
     _editor: bpy.types.SpaceImageEditor | None = None
     _scene_name = ""
 
@@ -144,22 +142,11 @@ class HUSH_OT_preview_frame(bpy.types.Operator):
         try:
             while not self._job.ended:
                 self._job.poll()
-                time.sleep(_TICK / 4)
+                time.sleep(background.TICK / 4)
         except KeyboardInterrupt:
             self._drop()
             return {"CANCELLED"}
         return self._finish()
-
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        """Denoises in the background."""
-        if bpy.app.background or context.window is None:
-            return self.execute(context)
-        if not self._begin(context):
-            return {"CANCELLED"}
-        context.window_manager.progress_begin(0, 100)
-        self._timer = context.window_manager.event_timer_add(_TICK, window=context.window)
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Looks at the worker now and then; every other event goes on to Blender."""
@@ -174,23 +161,13 @@ class HUSH_OT_preview_frame(bpy.types.Operator):
         if self._job.ended:
             self._hide(context)
             return self._finish()
-        context.window_manager.progress_update(round(100 * self._job.fraction))
-        if context.workspace:
-            context.workspace.status_text_set(f"Hush: denoising this frame ({self._job.fraction:.0%})   Esc: stop")
+        self._show(context)
         return {"PASS_THROUGH"}
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Blender ends the operator, as when another file is opened."""
         self._hide(context)
         self._drop()
-
-    def _hide(self, context: bpy.types.Context) -> None:
-        if self._timer is not None:
-            context.window_manager.event_timer_remove(self._timer)
-            self._timer = None
-        context.window_manager.progress_end()
-        for workspace in bpy.data.workspaces:
-            workspace.status_text_set(None)
 
     def _drop(self) -> None:
         global _running

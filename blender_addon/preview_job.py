@@ -29,6 +29,7 @@ class PreviewJob(job.Job):
         self.folder = Path(tempfile.mkdtemp(prefix=FOLDER))
         work = {"path": path, "folder": str(self.folder), "file": str(file), "border": border, "arguments": arguments}
         super().__init__(scene_name, command, work)
+        self.text = messages.text("preview_running")
 
     @property
     def error(self) -> str:
