@@ -6,8 +6,8 @@ use engine_support::*;
 use hush::network::body::Body;
 use hush::network::levels::kernel_reach;
 use hush::network::weights::Weights;
-use hush::plan::tiles::{Rect, Tile, tiles};
 use hush::simd::Isa;
+use hush::tiles::{Rect, Tile, tiles};
 use hush::{Denoised, Engine, Frame};
 use ndarray::{Array3, Axis, ShapeBuilder};
 

@@ -3,7 +3,7 @@
 mod engine_support;
 
 use engine_support::*;
-use hush::plan::skip::Skip;
+use hush::rules::skip::Skip;
 use hush::{Engine, Frame, Settings};
 
 const CENTRE: usize = 2;

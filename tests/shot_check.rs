@@ -8,8 +8,8 @@ use std::time::{Duration, SystemTime};
 
 use common::{Look, Shot, name, write_frame};
 use hush::io::sequence::Sequence;
-use hush::plan::lambda::Lambda;
-use hush::plan::skip::Skip;
+use hush::rules::lambda::Lambda;
+use hush::rules::skip::Skip;
 use hush::shot::{Checked, FrameState, Job, ModelId, SequenceCheck, StaleKind, Status};
 
 fn check(job: &Job) -> Checked {

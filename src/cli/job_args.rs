@@ -11,8 +11,8 @@ use crate::error::{Error, Result};
 use crate::io::sequence::Sequence;
 use crate::network::renderers::DEFAULT_RENDERER;
 use crate::network::weights::Weights;
-use crate::plan::frames::FrameSet;
-use crate::plan::skip::Skip;
+use crate::rules::frames::FrameSet;
+use crate::rules::skip::Skip;
 use crate::settings::{Layered, ShotSettings};
 use crate::shot::Job;
 

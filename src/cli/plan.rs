@@ -8,7 +8,7 @@ use super::signals::stop_handler;
 use super::skip_args::SkipArgs;
 use super::{CatchSignals, Exit, print, print_json, say};
 use crate::error::{Error, Result};
-use crate::plan::skip::{LeftOut, Rule};
+use crate::rules::skip::{LeftOut, Rule};
 use crate::shot::{CancelToken, RuleSummary, Scope, Survey, survey};
 use crate::words::counted;
 

@@ -13,8 +13,8 @@ use super::{CatchSignals, Exit, print, say};
 use crate::engine::{Engine, Settings};
 use crate::error::{Error, Result};
 use crate::network::weights::Weights;
-use crate::plan::lambda::Lambda;
 use crate::preview::{Preview, Region, Request, SheetOptions, Variant, preview, write_sheet};
+use crate::rules::lambda::Lambda;
 use crate::settings::Layered;
 use crate::shot::CancelToken;
 

@@ -184,7 +184,7 @@ fn summary_text(summary: &Summary) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::checks::{Warning, WarningKind};
+    use crate::rules::checks::{Warning, WarningKind};
 
     #[test]
     fn the_summary_counts_everything_once() {

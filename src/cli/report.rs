@@ -9,8 +9,8 @@ use super::shot_args::ShotArgs;
 use super::signals::stop_handler;
 use super::{CatchSignals, Exit, print, say};
 use crate::error::{Error, Result};
-use crate::plan::skip::Skip;
 use crate::report::{Measured, Oidn, Options, PAGE, REACH, measure, prepare, write};
+use crate::rules::skip::Skip;
 use crate::shot::{CancelToken, Scope};
 use crate::stability;
 

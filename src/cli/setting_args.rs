@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use crate::error::Result;
-use crate::plan::lambda::Lambda;
+use crate::rules::lambda::Lambda;
 use crate::settings::size::parse_size;
 use crate::settings::{Guide, Layered, Origin, ShotSettings, Sources, StageRef, gather, read_apart};
 

@@ -13,7 +13,7 @@ use super::{Exit, print, print_json, say};
 use crate::error::{Error, Result};
 use crate::io::sequence::Sequence;
 use crate::io::write_atomically;
-use crate::plan::frames::FrameSet;
+use crate::rules::frames::FrameSet;
 use crate::settings::{KEYS, Key, Layered, ShotSettings, usd};
 
 /// A shot's settings: where each comes from, and writing them into a USD layer

@@ -9,8 +9,8 @@ use crate::error::Result;
 use crate::io::Selection;
 use crate::io::sequence::Sequence;
 use crate::network::weights::Weights;
-use crate::plan::frames::FrameSet;
-use crate::plan::skip::Skip;
+use crate::rules::frames::FrameSet;
+use crate::rules::skip::Skip;
 use crate::settings::size::parse_size;
 
 /// The shot, what of it to look at, and with what.

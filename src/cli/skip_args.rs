@@ -5,7 +5,7 @@ use std::str::FromStr;
 use clap::Args;
 
 use crate::error::{Error, Result};
-use crate::plan::skip::{RULES, Rule, Skip};
+use crate::rules::skip::{RULES, Rule, Skip};
 
 /// What may be left out.
 #[derive(Args, Clone, Debug, Default)]

@@ -27,12 +27,12 @@ use crate::network::predictor::Predictor;
 use crate::network::temporal::Temporal;
 use crate::network::warp::{EXTRAS, Warped, any_trusted, centre_planes, warp};
 use crate::network::weights::Weights;
-use crate::plan::active::{Way, active_blocks};
-use crate::plan::cover::cover;
-use crate::plan::skip::{LeftOut, Skip};
-use crate::plan::tiles::{Rect, Tile, tiles};
-use crate::plan::window::LAMBDA_RANGE;
+use crate::rules::skip::{LeftOut, Skip};
+use crate::rules::window::LAMBDA_RANGE;
 use crate::simd::{Activation, Isa, keep_at_most};
+use crate::tiles::active::{Way, active_blocks};
+use crate::tiles::cover::cover;
+use crate::tiles::{Rect, Tile, tiles};
 
 /// What the frames in the window and one tile may take together where nothing is said.
 const MEMORY: u64 = 3200 << 20;

@@ -1,7 +1,7 @@
 //! The neighbours that a frame can use, with the frames that lead to each.
 
 use super::EncodedFrame;
-use crate::plan::window::MAX_WINDOW;
+use crate::rules::window::MAX_WINDOW;
 
 /// The frames from the centre to a neighbour, one step of motion each.
 pub(super) struct Path<'a> {

@@ -12,7 +12,7 @@ use crate::network::logits::RegionLogits;
 use crate::network::pairs::{Neighbour, Pairs};
 use crate::network::predictor::Head;
 use crate::network::warp::{Warped, warp};
-use crate::plan::tiles::{Rect, Tile};
+use crate::tiles::{Rect, Tile};
 
 /// The logits of a frame that is denoised as one tile, with nothing left out, moved by the taps' keys.
 pub(crate) struct Probe {

@@ -1,7 +1,7 @@
 //! How an engine works.
 
 use crate::error::{Error, Result};
-use crate::plan::skip::Skip;
+use crate::rules::skip::Skip;
 use crate::simd::Isa;
 
 /// Levels of the kernels' pyramid at most; weights may have one fewer.

@@ -7,7 +7,7 @@ use ndarray::Axis;
 
 use super::atomic::write_atomically;
 use super::layout::Layout;
-use super::plan::{Edits, Plan};
+use super::output_parts::{Edits, Plan};
 use super::read::{check_channel, open_again};
 use super::recombine::light_planes;
 use super::select::{Resolved, made_for_vectors};

@@ -9,10 +9,10 @@ use super::predictor::{Head, Predictor};
 use crate::kernels::planes::Planes;
 use crate::kernels::weigh::{Taps, Weights, apply, offsets};
 use crate::kernels::{Channels, FULL_PHASES, pyramid};
-use crate::plan::tiles::Tile;
 use crate::simd::dense::SEGMENT;
 use crate::simd::lanes::{Lanes, dispatch};
 use crate::simd::{Activation, Isa};
+use crate::tiles::Tile;
 
 /// One pyramid level's images: the centre's and each neighbour's.
 pub struct Level {

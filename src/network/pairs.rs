@@ -3,9 +3,9 @@
 use super::features::{Channels16, Features, Stored};
 use super::gathered::Gathered;
 use super::warp::{Corners, EXTRAS, Warped};
-use crate::plan::tiles::Rect;
 use crate::simd::dense::SEGMENT;
 use crate::simd::lanes::Lanes;
+use crate::tiles::Rect;
 
 /// A neighbour in a region.
 #[derive(Clone, Copy)]

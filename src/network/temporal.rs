@@ -10,10 +10,10 @@ use super::pairs::{Neighbour, features_of, gather};
 use super::warp::EXTRAS;
 use super::weights::Weights;
 use crate::error::Result;
-use crate::plan::tiles::Rect;
 use crate::simd::dense::{Dense, SEGMENT};
 use crate::simd::lanes::{Lanes, dispatch};
 use crate::simd::{Activation, Isa};
+use crate::tiles::Rect;
 
 /// Three 1×1 layers.
 pub struct Temporal {

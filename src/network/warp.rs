@@ -6,9 +6,9 @@ use crate::frame::packed::{DEPTH, INVALID, MODULATION, PackedFrame};
 use crate::kernels::keys;
 use crate::kernels::planes::Planes;
 use crate::kernels::{Channels, FULL_PHASES};
-use crate::plan::tiles::Rect;
 use crate::simd::lanes::{Lanes, dispatch, ln_1p_body};
 use crate::simd::{Activation, Isa};
+use crate::tiles::Rect;
 
 /// A way back that misses its start by this many pixels is as bad as any.
 const AGREEMENT_LIMIT: f32 = 4.0;

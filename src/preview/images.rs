@@ -12,7 +12,7 @@ use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::io::Selection;
 use crate::io::sequence::Sequence;
-use crate::plan::frames::FrameSet;
+use crate::rules::frames::FrameSet;
 use crate::shot::{CancelToken, Scope};
 
 /// What to show.
@@ -95,7 +95,7 @@ pub fn preview(
     let (frame, frames) = (request.frame, FrameSet::of(&[request.frame]));
     let most = request.windows.iter().copied().max();
     // The frame before needs its own window.
-    let reach = if request.flicker { most.unwrap_or(crate::plan::window::DEFAULT_WINDOW) + 1 } else { 0 };
+    let reach = if request.flicker { most.unwrap_or(crate::rules::window::DEFAULT_WINDOW) + 1 } else { 0 };
     let scope = Scope::open(sequence, selection, Some(&frames), most, reach)?;
     let windows = if request.windows.is_empty() { vec![scope.window] } else { request.windows.clone() };
     let most = windows.iter().copied().max().unwrap_or_default();

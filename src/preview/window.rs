@@ -8,7 +8,7 @@ use super::region::{Region, needed};
 use crate::engine::{EncodedFrame, Engine};
 use crate::error::{Error, Result};
 use crate::frame::Frame;
-use crate::plan::checks::{Glance, PixelChecks};
+use crate::rules::checks::{Glance, PixelChecks};
 use crate::shot::{CancelToken, Scope};
 
 /// A frame to denoise and those that help it, as (offset, number).

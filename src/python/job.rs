@@ -13,8 +13,8 @@ use crate::error::{Error, Result};
 use crate::io::PassNames;
 use crate::io::sequence::Sequence;
 use crate::network::weights::Weights;
-use crate::plan::lambda::Lambda;
-use crate::plan::skip::{Rule, Skip};
+use crate::rules::lambda::Lambda;
+use crate::rules::skip::{Rule, Skip};
 use crate::settings::{Layered, Origin, ShotSettings, Sources, StageRef, gather, read_apart};
 use crate::shot::Job;
 

@@ -12,7 +12,7 @@ mod stage_reader;
 
 use pyo3::prelude::*;
 
-use crate::plan::window::{LAMBDA_RANGE, MAX_WINDOW};
+use crate::rules::window::{LAMBDA_RANGE, MAX_WINDOW};
 
 #[pymodule]
 fn _hush(m: &Bound<'_, PyModule>) -> PyResult<()> {

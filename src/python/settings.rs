@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 
 use crate::engine::{Engine, Settings};
 use crate::network::weights::Weights;
-use crate::plan::window::{LAMBDA_RANGE, MAX_WINDOW};
+use crate::rules::window::{LAMBDA_RANGE, MAX_WINDOW};
 
 /// λ as the engine takes it; outside of its range a ValueError.
 pub fn check_lam(lam: f64) -> PyResult<f32> {

@@ -3,8 +3,8 @@
 use serde::Serialize;
 
 use crate::engine::LEVELS;
-use crate::plan::skip::Skip;
-use crate::plan::window::{DEFAULT_WINDOW, MAX_WINDOW};
+use crate::rules::skip::Skip;
+use crate::rules::window::{DEFAULT_WINDOW, MAX_WINDOW};
 
 /// How a frame is denoised.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

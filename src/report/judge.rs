@@ -13,7 +13,7 @@ use crate::frame::Frame;
 use crate::metrics::images::read;
 use crate::metrics::pair::REFERENCE_MEAN;
 use crate::metrics::{EvaluateOptions, Pair, Scaling, flicker, relmse, smape};
-use crate::plan::window::MAX_WINDOW;
+use crate::rules::window::MAX_WINDOW;
 use crate::shot::Scope;
 
 /// The farthest frame that an estimate looks at: one behind the widest window.

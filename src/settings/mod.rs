@@ -37,8 +37,8 @@ pub use side_file::{SIDE_FILES, SideFile, beside, read_side_file};
 pub use usd::StageRef;
 
 use crate::io::PassNames;
-use crate::plan::frames::FrameSet;
-use crate::plan::lambda::Lambda;
+use crate::rules::frames::FrameSet;
+use crate::rules::lambda::Lambda;
 
 /// What may be said about a shot. None: not said.
 ///

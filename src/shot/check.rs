@@ -16,8 +16,8 @@ use super::output::{check_output, output_path};
 use super::prepare::{Sources, open_sources, resolve_window};
 use crate::error::{Error, Result};
 use crate::io::{NumberPattern, split_number};
-use crate::plan::checks::Header;
-use crate::plan::window::{DEFAULT_WINDOW, neighbours};
+use crate::rules::checks::Header;
+use crate::rules::window::{DEFAULT_WINDOW, neighbours};
 
 /// More frames than this are not listed one by one.
 const MOST: usize = 1_000_000;

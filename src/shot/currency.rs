@@ -10,7 +10,7 @@ use super::file_state::FileMemory;
 use super::job::{Change, FrameSettings};
 use super::manifest::{Entry, Manifest};
 use crate::io::sequence::Sequence;
-use crate::plan::window::Neighbour;
+use crate::rules::window::Neighbour;
 
 /// What is not as it was when a frame was denoised.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]

@@ -12,10 +12,10 @@ use crate::io::sequence::Sequence;
 use crate::io::{Guides, PassNames, Selection};
 use crate::network::renderers::DEFAULT_RENDERER;
 use crate::network::weights::EMBEDDED;
-use crate::plan::frames::FrameSet;
-use crate::plan::lambda::Lambda;
-use crate::plan::skip::{RULES, Rule, Skip};
-use crate::plan::window::{DEFAULT_WINDOW, check_window};
+use crate::rules::frames::FrameSet;
+use crate::rules::lambda::Lambda;
+use crate::rules::skip::{RULES, Rule, Skip};
+use crate::rules::window::{DEFAULT_WINDOW, check_window};
 
 /// A shot to denoise.
 #[derive(Clone, Debug)]

@@ -9,8 +9,8 @@ use super::events::Status;
 use super::file_state::FileState;
 use super::job::FrameSettings;
 use crate::error::{Error, Result};
-use crate::plan::skip::LeftOut;
-use crate::plan::window::Unused;
+use crate::rules::skip::LeftOut;
+use crate::rules::window::Unused;
 
 /// The manifest's file name in the output folder.
 pub const MANIFEST: &str = "hush-manifest.json";

@@ -15,9 +15,9 @@ use super::output::{check_output, output_path};
 use super::source::Source;
 use crate::error::{Error, Result};
 use crate::io::sequence::spans;
-use crate::plan::checks::{self, Header, Warning, WarningKind};
-use crate::plan::frames::{FrameSet, show_ranges};
-use crate::plan::window::{Known, Neighbour, Unused, neighbours};
+use crate::rules::checks::{self, Header, Warning, WarningKind};
+use crate::rules::frames::{FrameSet, show_ranges};
+use crate::rules::window::{Known, Neighbour, Unused, neighbours};
 use crate::words::{self, counted};
 
 /// What is to be done with a frame.

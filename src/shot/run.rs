@@ -19,8 +19,8 @@ use super::progress::FrameProgress;
 use super::threads::{Decoded, Work, Written, decode, ends_the_run, write};
 use crate::engine::{Denoised, EncodedFrame, Engine, Listener};
 use crate::error::{Error, Result};
-use crate::plan::skip::LeftOut;
-use crate::plan::window::{Known, Neighbour, neighbours};
+use crate::rules::skip::LeftOut;
+use crate::rules::window::{Known, Neighbour, neighbours};
 
 /// Frames of more bytes than this are decoded one ahead instead of two.
 const BIG_FRAME: usize = 128 << 20;

@@ -7,9 +7,9 @@ use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::io::sequence::{Sequence, spans};
 use crate::io::{Layout, Resolved, Selection};
-use crate::plan::checks;
-use crate::plan::frames::FrameSet;
-use crate::plan::window::{DEFAULT_WINDOW, Known, check_window, neighbours};
+use crate::rules::checks;
+use crate::rules::frames::FrameSet;
+use crate::rules::window::{DEFAULT_WINDOW, Known, check_window, neighbours};
 
 /// A shot whose headers were read.
 pub struct Scope {

@@ -9,8 +9,8 @@ use ndarray::Axis;
 use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::io::{Layout, Resolved, Selection, caveats, read_frame, read_layout, resolve_views};
-use crate::plan::checks::Header;
-use crate::plan::window::Known;
+use crate::rules::checks::Header;
+use crate::rules::window::Known;
 
 /// A readable file of the sequence.
 pub(super) struct Source {

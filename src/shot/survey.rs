@@ -9,7 +9,7 @@ use super::cancel::CancelToken;
 use super::scope::Scope;
 use crate::engine::{EncodedFrame, Engine, LEVELS};
 use crate::error::{Error, Result};
-use crate::plan::skip::{LeftOut, RULES, Rule, Skip};
+use crate::rules::skip::{LeftOut, RULES, Rule, Skip};
 
 /// How often each variant is timed.
 const TRIES: usize = 4;

@@ -9,7 +9,7 @@ use crate::engine::{Denoised, Engine};
 use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::io::{Resolved, WriteOptions, write_views};
-use crate::plan::checks::Glance;
+use crate::rules::checks::Glance;
 
 /// A frame on its way through the decoder.
 pub(super) struct Decoded {

@@ -6,7 +6,7 @@ use super::cases::Case;
 use super::row::Row;
 use super::{checks, dial, firefly, symmetry};
 use crate::network::weights::{Architecture, Weights};
-use crate::plan::skip::Skip;
+use crate::rules::skip::Skip;
 use crate::simd::Isa;
 use crate::{Engine, Error, Result, Settings};
 

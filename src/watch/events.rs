@@ -56,7 +56,7 @@ pub enum Event<'a> {
     /// Something about the watch as a whole.
     Warning {
         /// As in a run's warnings.
-        kind: crate::plan::checks::WarningKind,
+        kind: crate::rules::checks::WarningKind,
         /// One sentence with what to do.
         message: String,
     },

@@ -5,8 +5,8 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
-use crate::plan::frames::FrameSet;
-use crate::plan::window::DEFAULT_WINDOW;
+use crate::rules::frames::FrameSet;
+use crate::rules::window::DEFAULT_WINDOW;
 use crate::shot::Stamp;
 
 /// Without `--settle`: at least this long, and three times the usual time between two frames, but no longer than `MOST`.
@@ -197,7 +197,7 @@ impl Frames {
 
     /// Frames around a number may have to be made.
     fn touch(&mut self, number: i64) {
-        let reach = crate::plan::window::MAX_WINDOW as i64;
+        let reach = crate::rules::window::MAX_WINDOW as i64;
         let whole = |s: &State| matches!(s.landing, Landing::Whole { .. });
         self.maybe.extend(self.all.range(number - reach..=number + reach).filter(|(_, s)| whole(s)).map(|(n, _)| *n));
     }

@@ -10,7 +10,7 @@ use super::tree::{Place, ShotKey, Tree};
 use crate::error::{Error, Result};
 use crate::io::is_complete;
 use crate::io::sequence::{Sequence, SequenceFrame};
-use crate::plan::frames::FrameSet;
+use crate::rules::frames::FrameSet;
 use crate::shot::{Entry, Job, Manifest, Stamp, Status, WholeShot, has_vector};
 
 /// A file is stable when it has not changed this long, where nobody said that it was closed.
@@ -93,7 +93,7 @@ impl Shot {
 
     /// A file is there. False where another file has the same number.
     pub fn seen(&mut self, place: &Place, stamp: Stamp, closed: bool, now: Duration) -> bool {
-        let near = crate::plan::window::MAX_WINDOW as i64;
+        let near = crate::rules::window::MAX_WINDOW as i64;
         if !(place.number - near..=place.number + near).any(|n| self.rules.wants(n)) {
             return true;
         }

@@ -15,8 +15,8 @@ use super::{Options, work};
 use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::io::sequence::Sequence;
-use crate::plan::checks::WarningKind;
-use crate::plan::frames::show_ranges;
+use crate::rules::checks::WarningKind;
+use crate::rules::frames::show_ranges;
 use crate::shot::{CancelToken, Job, Runner, Stamp, real_folder};
 
 /// Even with events the folder is scanned now and then, as some get lost.

@@ -10,7 +10,7 @@ use super::shots::Shot;
 use super::tree::ShotKey;
 use super::watcher::Watcher;
 use crate::error::{Error, Result};
-use crate::plan::checks::WarningKind;
+use crate::rules::checks::WarningKind;
 use crate::shot::{self, Manifest, Status, Summary};
 
 /// Frames of one run at most; what lands meanwhile waits for its end.

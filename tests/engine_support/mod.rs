@@ -2,7 +2,7 @@
 #![allow(dead_code, reason = "each test file uses its own part")]
 
 use hush::network::weights::Weights;
-use hush::plan::skip::Skip;
+use hush::rules::skip::Skip;
 use hush::simd::Isa;
 use hush::{Denoised, EncodedFrame, Engine, Frame, Settings};
 use ndarray::{Array2, Array3};

@@ -7,7 +7,7 @@ use openusd::usd::{Attribute, Prim, Stage};
 
 use super::prims::words;
 use super::values::{as_meant, boolean, integer, number, text, texts};
-use crate::plan::lambda::Lambda;
+use crate::rules::lambda::Lambda;
 use crate::settings::layered::{Layered, Origin};
 use crate::settings::names::{parse_guides, without_none};
 use crate::settings::nearest::hint;

@@ -11,7 +11,7 @@ use super::open::with_stage;
 use super::prims::{self, PASS, words};
 use super::values::escaped;
 use crate::error::{Error, Result};
-use crate::plan::lambda::Lambda;
+use crate::rules::lambda::Lambda;
 use crate::settings::KEYS;
 use crate::settings::layered::Layered;
 

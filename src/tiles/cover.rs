@@ -1,7 +1,7 @@
 //! Few rectangles over the active blocks of a frame, so that little else is computed.
 
 use super::active::Blocks;
-use super::tiles::Rect;
+use super::cut::Rect;
 use crate::frame::ranges::BLOCK;
 
 /// A block in half-resolution pixels.

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::frame::Frame;
 use crate::io::sequence::spans;
-use crate::plan::frames::show_ranges;
+use crate::rules::frames::show_ranges;
 use crate::words;
 
 /// What a warning is about; the names are stable (`missing_frames`, `no_vector`, …).
