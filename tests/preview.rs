@@ -66,7 +66,10 @@ fn the_whole_frame_has_the_bits_of_a_run() {
     let sequence = sample();
     let dir = tempfile::tempdir().unwrap();
     let engine = Engine::new(Settings::default()).unwrap();
-    let job = Job { frames: Some("4".parse().unwrap()), lambda: "2".parse().unwrap(), ..Job::new(sequence.clone(), dir.path()) };
+    let job = Job::new(sequence.clone(), dir.path()).with(|s| {
+        s.frames = Some("4".parse().unwrap());
+        s.lambda = Some("2".parse().unwrap())
+    });
     assert!(run(&job, &engine, &|_| (), &CancelToken::new()).unwrap().is_complete());
     let layout = hush::io::read_layout(&dir.path().join("frame_0004.exr")).unwrap();
     let selection = Selection { denoised_ok: true, ..Selection::default() };

@@ -74,8 +74,8 @@ fn each_renderer_has_its_encoder() {
 #[test]
 fn a_renderer_without_an_encoder_is_refused_by_every_command() {
     let shot = Shot::new(1..=2, Look::default());
-    for command in ["denoise", "plan", "report", "watch"] {
-        let output = if command == "plan" { vec![] } else { vec!["-o", "out"] };
+    for command in ["denoise", "survey", "report", "watch"] {
+        let output = if command == "survey" { vec![] } else { vec!["-o", "out"] };
         let refused = hush(&shot, &[&[command, "shot", "--renderer", "arnold"][..], &output].concat());
         assert_eq!(refused.status.code(), Some(1), "{command}: {}", said(&refused));
         assert!(said(&refused).contains("arnold") && said(&refused).contains("cycles, mitsuba"), "{command}: {}", said(&refused));
@@ -94,7 +94,8 @@ fn frames_of_mitsuba_are_read_with_a_settings_file() {
     assert!(run.status.success() && !events.contains("missing_guide"), "{events}");
     assert!(events.contains(r#""neighbours":[2,3]"#), "the motion vectors are used: {events}");
     for without in ["albedo", "normal", "depth"] {
-        let run = hush(&shot, &["denoise", "shot", "-o", without, &format!("--no-{without}")]);
+        let others = ["albedo", "normal", "depth", "vector"].into_iter().filter(|guide| *guide != without).collect::<Vec<_>>();
+        let run = hush(&shot, &["denoise", "shot", "-o", without, "--guides", &others.join(",")]);
         assert!(run.status.success(), "{}", said(&run));
         assert_ne!(colours(&shot, "out"), colours(&shot, without), "{without} is used");
     }

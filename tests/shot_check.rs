@@ -9,8 +9,8 @@ use std::time::{Duration, SystemTime};
 use common::{Look, Shot, name, write_frame};
 use hush::io::sequence::Sequence;
 use hush::rules::lambda::Lambda;
-use hush::rules::skip::Skip;
-use hush::shot::{Checked, FrameState, Job, ModelId, SequenceCheck, StaleKind, Status};
+use hush::settings::{Guide, ShotSettings};
+use hush::shot::{Checked, FrameState, Job, SequenceCheck, StaleKind, Status};
 
 fn check(job: &Job) -> Checked {
     SequenceCheck::new().check(job).unwrap()
@@ -44,7 +44,7 @@ fn a_denoised_shot_is_current() {
     let frame = &after.frames[2];
     assert_eq!((frame.columns, frame.rows), (Some(24), Some(16)));
     assert_eq!((frame.source.as_deref(), frame.output.as_deref()), (Some(&*shot.input(3)), Some(&*shot.output(3))));
-    let asked = check(&Job { frames: Some("3-6".parse().unwrap()), ..shot.job() });
+    let asked = check(&shot.job().with(|s| s.frames = Some("3-6".parse().unwrap())));
     assert_eq!(with(&asked, FrameState::Current), [3, 4]);
     assert_eq!(with(&asked, FrameState::Unrendered), [5, 6]);
 }
@@ -53,29 +53,33 @@ fn a_denoised_shot_is_current() {
 fn every_setting_that_changes_pixels_makes_frames_stale() {
     let shot = Shot::new(1..=3, Look::default());
     shot.run(&shot.job());
-    let guides = |job: &mut Job| job.selection.guides.normal = false;
-    type Change<'a> = &'a dyn Fn(&mut Job);
-    let changes: [(StaleKind, Change<'_>); 8] = [
-        (StaleKind::Lambda, &|job| job.lambda = Lambda::constant(2.0).unwrap()),
-        (StaleKind::Window, &|job| job.window = Some(1)),
-        (StaleKind::Layers, &|job| job.selection.layers = vec!["ViewLayer".into()]),
-        (StaleKind::KeepNoisy, &|job| job.keep_noisy = true),
-        (StaleKind::Guides, &guides),
-        (StaleKind::Skip, &|job| job.skip = Skip::NONE),
-        (StaleKind::Model, &|job| job.model = ModelId { name: "b".into(), hash: Some("1".into()) }),
-        (StaleKind::Renderer, &|job| job.renderer = Some("mitsuba".into())),
+    let model = shot.other_weights();
+    type Change<'a> = &'a dyn Fn(&mut ShotSettings);
+    let changes: [(&str, Change<'_>); 10] = [
+        ("lambda", &|s| s.lambda = Some(Lambda::constant(2.0).unwrap())),
+        ("window", &|s| s.window = Some(1)),
+        ("layers", &|s| s.layers = Some(vec!["ViewLayer".into()])),
+        ("keep_noisy", &|s| s.keep_noisy = Some(true)),
+        ("guides", &|s| s.guides = Some(vec![Guide::Albedo, Guide::Depth, Guide::Vector])),
+        ("aovs", &|s| s.aovs = Some(vec!["all".into()])),
+        ("passes", &|s| s.passes_beauty = Some("ViewLayer.Combined".into())),
+        ("skip", &|s| s.skip = Some(Vec::new())),
+        ("model", &|s| s.model = Some(model.clone())),
+        ("renderer", &|s| s.renderer = Some("mitsuba".into())),
     ];
-    for (kind, change) in changes {
-        let mut job = shot.job();
-        change(&mut job);
-        assert_eq!(stale(&check(&job)), [(1, kind), (2, kind), (3, kind)]);
+    for (name, change) in changes {
+        let kind = StaleKind::Setting(name);
+        assert_eq!(stale(&check(&shot.job().with(change))), [(1, kind), (2, kind), (3, kind)]);
     }
-    let several = Job { keep_noisy: true, window: Some(0), ..shot.job() };
+    let several = shot.job().with(|s| {
+        s.keep_noisy = Some(true);
+        s.window = Some(0)
+    });
     let frames = check(&several).frames;
     assert_eq!(frames[0].kind, Some(StaleKind::Several));
     assert_eq!(frames[0].reason.as_deref(), Some("window 2 → 0, keep noisy false → true"));
-    let keyed = check(&Job { lambda: "1:1,3:9".parse().unwrap(), ..shot.job() });
-    assert_eq!(stale(&keyed), [(2, StaleKind::Lambda), (3, StaleKind::Lambda)]);
+    let keyed = check(&shot.job().with(|s| s.lambda = Some("1:1,3:9".parse().unwrap())));
+    assert_eq!(stale(&keyed), [(2, StaleKind::Setting("lambda")), (3, StaleKind::Setting("lambda"))]);
 }
 
 #[test]
@@ -95,7 +99,7 @@ fn a_render_that_changed_went_or_was_cut_is_seen() {
     write_frame(&shot.input(1), 1, Look::default());
     shot.run(&shot.job());
     fs::remove_file(shot.input(8)).unwrap();
-    let gone = memory.check(&Job { frames: Some("5-8".parse().unwrap()), ..shot.job() }).unwrap();
+    let gone = memory.check(&shot.job().with(|s| s.frames = Some("5-8".parse().unwrap()))).unwrap();
     assert_eq!(stale(&gone), [beside(6), beside(7), (8, StaleKind::InputMissing)]);
     assert_eq!((gone.frames[3].source.as_ref(), gone.frames[3].output.as_deref()), (None, Some(&*shot.output(8))));
 }
@@ -144,7 +148,10 @@ fn an_output_that_is_not_ours_any_more_is_seen() {
     fs::remove_file(shot.output(3)).unwrap();
     write_frame(&shot.output(5), 5, Look::default());
     write_frame(&shot.input(5), 5, Look::default());
-    let checked = check(&Job { window: Some(2), frames: Some("1-3,5".parse().unwrap()), ..shot.job() });
+    let checked = check(&shot.job().with(|s| {
+        s.window = Some(2);
+        s.frames = Some("1-3,5".parse().unwrap())
+    }));
     let kinds: Vec<_> = stale(&checked);
     assert_eq!(kinds[0], (1, StaleKind::OutputDamaged));
     assert_eq!(kinds[1], (2, StaleKind::OutputChanged));
@@ -158,7 +165,7 @@ fn the_check_and_the_run_agree() {
     shot.run(&shot.job());
     shot.render_again(6);
     fs::remove_file(shot.output(2)).unwrap();
-    let job = Job { lambda: "1:8,2:1".parse().unwrap(), ..shot.job() };
+    let job = shot.job().with(|s| s.lambda = Some("1:8,2:1".parse().unwrap()));
     let current = with(&check(&job), FrameState::Current);
     assert_eq!(shot.run(&job).log.with(Status::Skipped), current);
     assert_eq!(current, [3]);
@@ -172,7 +179,7 @@ fn one_frame_is_asked_about_as_the_whole_shot_is() {
     shot.run(&shot.job());
     assert_eq!(check(&shot.job()).counts.current, 4);
     for number in 1..=4 {
-        let alone = check(&Job { frames: Some(number.to_string().parse().unwrap()), ..shot.job() });
+        let alone = check(&shot.job().with(|s| s.frames = Some(number.to_string().parse().unwrap())));
         assert_eq!(alone.counts.current, 1, "frame {number}: {:?}", alone.frames);
     }
 }
@@ -190,19 +197,19 @@ fn better_frames_are_not_replaced_by_worse_ones() {
     };
     let shot = Shot::new(1..=3, TWO);
     let mut with_vectors = shot.job();
-    with_vectors.selection.layers = vec!["ViewLayer".into()];
-    with_vectors.selection.vector_layer = Some("Sharp".into());
+    with_vectors.settings.layers = Some(vec!["ViewLayer".into()]);
+    with_vectors.settings.vector_layer = Some("Sharp".into());
     assert!(shot.run(&with_vectors).summary().is_complete());
     let before = fs::read(shot.output(2)).unwrap();
     let mut without = with_vectors.clone();
-    without.selection.vector_layer = None;
+    without.settings.vector_layer = None;
     let refused = shot.run(&without).error();
     assert!(refused.contains("1-3") && refused.contains("Sharp"), "{refused}");
     let mut blind = with_vectors.clone();
-    blind.selection.guides.vector = false;
+    blind.settings.guides = Some(vec![Guide::Albedo, Guide::Normal, Guide::Depth]);
     assert_eq!(fs::read(shot.output(2)).unwrap(), before);
-    assert_eq!(stale(&check(&without))[0], (1, StaleKind::VectorLayer));
-    for asked in [Job { overwrite: true, ..without.clone() }, Job { window: Some(0), ..with_vectors.clone() }, blind] {
+    assert_eq!(stale(&check(&without))[0], (1, StaleKind::Setting("vector_layer")));
+    for asked in [Job { overwrite: true, ..without.clone() }, with_vectors.clone().with(|s| s.window = Some(0)), blind] {
         assert!(shot.run(&asked).summary().is_complete(), "what is asked for is done");
         shot.run(&Job { overwrite: true, ..with_vectors.clone() });
     }

@@ -88,7 +88,7 @@ fn wrong_usage_is_exit_code_one() {
         (vec!["denoise", "shot", "-o", "out", "--threads", "0"], "threads"),
         (vec!["denoise", "shot", "-o", "out", "--model", "nowhere.safetensors"], "nowhere.safetensors"),
         (vec!["denoise", "shot", "-o", "out", "--renderer", "arnold"], "cycles, mitsuba"),
-        (vec!["plan", "shot", "--renderer", "arnold"], "cycles, mitsuba"),
+        (vec!["survey", "shot", "--renderer", "arnold"], "cycles, mitsuba"),
         (vec!["denoise", "shot", "-o", "out", "--layer", "Fog"], "Fog"),
         (vec!["denoise", "shot", "-o", "out", "--aov", "Diffuse Direct"], "Diffuse Direct"),
         (vec!["denoise", "nowhere", "-o", "out"], "nowhere"),

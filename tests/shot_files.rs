@@ -48,7 +48,7 @@ fn a_single_frame_and_a_lone_file_work() {
 #[test]
 fn frames_limit_what_is_written_but_not_what_helps() {
     let shot = Shot::new(1..=9, Look::default());
-    let job = Job { frames: Some("4-5,9".parse().unwrap()), ..shot.job() };
+    let job = shot.job().with(|s| s.frames = Some("4-5,9".parse().unwrap()));
     let outcome = shot.run(&job);
     assert!(outcome.summary().is_complete());
     assert_eq!(shot.written(), [name(4), name(5), name(9)]);
@@ -70,7 +70,7 @@ fn files_that_are_named_are_written_and_those_beside_them_help() {
         assert_eq!((outcome.summary().written, outcome.log.neighbours(7)), (2, vec![5, 6, 8]));
     }
     assert_eq!(shot.written(), [3, 6, 7].map(name));
-    let both = Job { frames: Some("1-6".parse().unwrap()), overwrite: true, ..job(&[shot.input(6), shot.input(7)]) };
+    let both = Job { overwrite: true, ..job(&[shot.input(6), shot.input(7)]) }.with(|s| s.frames = Some("1-6".parse().unwrap()));
     assert_eq!(shot.run(&both).summary().written, 1);
     // The result is that of a run over the whole shot.
     let bytes = fs::read(shot.output(3)).unwrap();
@@ -90,7 +90,7 @@ fn a_frame_step_is_told() {
     assert!(outcome.log.neighbours(3).is_empty());
     let whole = Shot::new([1, 3, 5, 7], Look::default());
     assert_eq!(whole.run(&whole.job()).log.kinds(), ["frame_step"]);
-    let alone = whole.run(&Job { window: Some(0), overwrite: true, ..whole.job() });
+    let alone = whole.run(&Job { overwrite: true, ..whole.job() }.with(|s| s.window = Some(0)));
     assert_eq!(alone.log.kinds(), Vec::<&str>::new());
 }
 
@@ -123,11 +123,11 @@ fn spoil(path: &Path) {
 #[test]
 fn frames_asked_for_that_are_missing_show_in_the_summary() {
     let shot = Shot::new([1, 2, 4], Look::default());
-    let outcome = shot.run(&Job { frames: Some("1-5".parse().unwrap()), ..shot.job() });
+    let outcome = shot.run(&shot.job().with(|s| s.frames = Some("1-5".parse().unwrap())));
     assert_eq!(outcome.summary().missing, "3,5");
     assert!(!outcome.summary().is_complete());
     assert_eq!(outcome.log.kinds(), ["missing_frames"]);
-    let none = shot.run(&Job { frames: Some("50-60".parse().unwrap()), ..shot.job() });
+    let none = shot.run(&shot.job().with(|s| s.frames = Some("50-60".parse().unwrap())));
     assert!(none.error().contains("1-2,4"), "{}", none.error());
 }
 
@@ -196,17 +196,17 @@ fn all_frames_bad_is_an_error() {
 #[test]
 fn without_vectors_the_window_falls_back_or_is_refused() {
     let shot = Shot::new(1..=3, Look { vector: None, ..Look::default() });
-    let refused = shot.run(&Job { window: Some(1), ..shot.job() });
+    let refused = shot.run(&shot.job().with(|s| s.window = Some(1)));
     assert!(refused.error().contains("no Vector pass") && refused.error().contains("set window to 0"), "{}", refused.error());
     assert!(!shot.out().exists());
     let outcome = shot.run(&shot.job());
     assert!(outcome.summary().is_complete());
     assert_eq!(outcome.log.kinds(), ["no_vector"]);
     assert!(outcome.log.neighbours(2).is_empty());
-    let asked = shot.run(&Job { window: Some(0), overwrite: true, ..shot.job() });
+    let asked = shot.run(&Job { overwrite: true, ..shot.job() }.with(|s| s.window = Some(0)));
     assert_eq!(asked.log.kinds(), Vec::<&str>::new());
-    let mut contradiction = Job { window: Some(2), ..shot.job() };
-    contradiction.selection.guides.vector = false;
+    let mut contradiction = shot.job().with(|s| s.window = Some(2));
+    contradiction.settings.guides = Some(Vec::new());
     assert!(shot.run(&contradiction).error().contains("window"));
 }
 
@@ -300,7 +300,7 @@ fn several_view_layers_in_one_run_are_as_each_alone() {
         read_frame(&layout, &resolve(&layout, &select(layer)).unwrap()).unwrap().colour
     };
     let of = |asked: &str| {
-        shot.run(&Job { selection: select(asked), ..shot.job() }).summary();
+        shot.run(&shot.job().with(|s| s.layers = Some(vec![asked.into()]))).summary();
         [1, 2, 3].map(|n| ["Back", "Front"].map(|layer| colour(n, layer)))
     };
     let (back, front, both) = (of("Back"), of("Front"), of("all"));

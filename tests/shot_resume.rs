@@ -7,7 +7,7 @@ use std::time::SystemTime;
 
 use common::{Look, Shot, name, write_frame};
 use hush::rules::lambda::Lambda;
-use hush::shot::{CancelToken, Event, Job, MANIFEST, ModelId, Status};
+use hush::shot::{CancelToken, Event, Job, MANIFEST, Status};
 
 fn modified(shot: &Shot, number: i64) -> SystemTime {
     fs::metadata(shot.output(number)).unwrap().modified().unwrap()
@@ -32,21 +32,22 @@ fn a_second_run_does_nothing() {
 
 #[test]
 fn other_settings_make_the_frames_again_and_say_so() {
-    let shot = Shot::new(1..=3, Look::default());
+    let mut shot = Shot::new(1..=3, Look::default());
     shot.run(&shot.job());
     let changed = [
-        (Job { lambda: Lambda::constant(4.0).unwrap(), ..shot.job() }, "lambda 1 → 4"),
-        (Job { window: Some(1), ..shot.job() }, "lambda 4 → 1, window 2 → 1"),
-        (Job { keep_noisy: true, ..shot.job() }, "window 1 → 2, keep noisy false → true"),
-        (Job { model: ModelId { name: "b".into(), hash: Some("1".into()) }, ..shot.job() }, "model embedded ("),
-        (Job { renderer: Some("mitsuba".into()), ..shot.job() }, "), renderer cycles → mitsuba"),
+        (shot.job().with(|s| s.lambda = Some(Lambda::constant(4.0).unwrap())), "lambda 1 → 4"),
+        (shot.job().with(|s| s.window = Some(1)), "lambda 4 → 1, window 2 → 1"),
+        (shot.job().with(|s| s.keep_noisy = Some(true)), "window 1 → 2, keep noisy false → true"),
+        (shot.job().with(|s| s.model = Some(shot.other_weights())), "model embedded ("),
+        (shot.job().with(|s| s.renderer = Some("mitsuba".into())), "), renderer cycles → mitsuba"),
     ];
     for (job, expected) in changed {
+        shot.engine = job.settings.engine().unwrap();
         let outcome = shot.run(&job);
         assert_eq!(outcome.log.with(Status::Denoised), [1, 2, 3], "{expected}");
         let (kind, text) = &outcome.log.warnings[0];
         assert!(kind == "redone" && text.contains("1-3") && text.contains(expected), "{text}");
-        assert!(job.model.name == "embedded" || text.ends_with(") → b (1)"), "{text}");
+        assert!(job.settings.model.is_none() || text.contains(") → b.safetensors ("), "{text}");
         assert_eq!(shot.run(&job).log.with(Status::Skipped), [1, 2, 3], "{expected}");
     }
     assert_eq!(shot.manifest().settings.len(), 1, "settings that no frame has are forgotten");
@@ -55,7 +56,7 @@ fn other_settings_make_the_frames_again_and_say_so() {
 #[test]
 fn where_lambda_follows_keys_only_the_frames_that_it_changes_are_made_again() {
     let shot = Shot::new(1..=4, Look::default());
-    let job = |lambda: &str| Job { lambda: lambda.parse().unwrap(), ..shot.job() };
+    let job = |lambda: &str| shot.job().with(|s| s.lambda = Some(lambda.parse().unwrap()));
     let outcome = shot.run(&job("1:100,2:4,4:200"));
     assert_eq!(outcome.log.kinds(), ["setting"], "one warning for all keys");
     let outcome = shot.run(&job("4"));
@@ -122,7 +123,7 @@ fn a_damaged_manifest_is_told() {
 #[test]
 fn two_ranges_share_a_folder_and_its_manifest() {
     let shot = Shot::new(1..=6, Look::default());
-    let part = |frames: &str| Job { frames: Some(frames.parse().unwrap()), ..shot.job() };
+    let part = |frames: &str| shot.job().with(|s| s.frames = Some(frames.parse().unwrap()));
     std::thread::scope(|scope| {
         for frames in ["1-3", "4-6"] {
             let job = part(frames);

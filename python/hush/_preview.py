@@ -7,9 +7,8 @@ from collections.abc import Callable, Sequence
 from typing import Any, Unpack
 
 from . import _hush
-from ._sequence import ShotSettings, shot_options
-
-Path = str | os.PathLike[str]
+from ._sequence import shot_options
+from ._settings import Path, ShotSettings
 
 
 def preview(

@@ -3,70 +3,12 @@
 from __future__ import annotations
 
 import json
-import operator
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, Literal, TypedDict, Unpack, get_type_hints
+from collections.abc import Callable, Sequence
+from typing import Any, Unpack, get_type_hints
 
 from . import _hush
-
-Path = str | os.PathLike[str]
-
-
-class ShotSettings(TypedDict, total=False):
-    """What to read of a shot and how to compute: the keyword arguments of every function that takes a shot.
-
-    What is not given, or None, is what the shot's own settings say: `hush.toml` or `hush.json` beside the frames, and the USD stage
-    that it names; else the default. What is given here wins.
-    """
-
-    settings: Path | Literal[False] | None
-    """Another settings file than the one beside the frames; False for none."""
-    usd: Path | None
-    """A USD stage to take settings from, `shot.usda` or `shot.usda@/Render/Pass`, in place of the one that the settings file names."""
-    enable: bool | None
-    """True denoises also where the shot's settings switch it off."""
-    layers: Sequence[str] | None
-    """View layers to denoise; default the one with the most samples, `("all",)` for all."""
-    view: str | None
-    """Stereo view to denoise; default all."""
-    vector_layer: str | None
-    """View layer to take the Vector pass from; default `Hush Vectors`, which Prepare Shot makes, else the layer that is denoised."""
-    aovs: Sequence[str] | None
-    """Light passes to denoise along, or `("all",)`; default none."""
-    guides: Sequence[str] | None
-    """Guides that may be used, of `albedo`, `normal`, `depth`, `vector`; default all. Without `vector` neighbours cannot help."""
-    passes: Mapping[str, str] | None
-    """What the passes are called where not as Blender calls them, by `beauty`, `albedo`, `normal`, `depth`, `vector`."""
-    skip: Sequence[str] | None
-    """The rules by which work may be left out, such as `("constant", "still")`; `()` computes everything. Default: every rule with a
-    known bound."""
-    model: Path | None
-    """Other weights, a safetensors file."""
-    renderer: str | None
-    """What made the frames, one that the weights have an encoder for: `cycles` (default) or `mitsuba`."""
-    memory: int | None
-    """Bytes for the frames in the window and the computing; default 3.1 GiB. Less is slower and gives the same bits."""
-    threads: int | None
-    """Threads, 1 to 4096; default all cores. Any number gives the same bits."""
-
-
-class SequenceSettings(ShotSettings, total=False):
-    """How a shot is denoised: `ShotSettings`, and which frames are made how."""
-
-    frames: str | Iterable[int] | None
-    """Frames to write, `"1-48,60"` or numbers; default all. The ones beside them still help."""
-    lam: float | Mapping[int, float] | None
-    """λ from 1 (cleanest, the default) to 64 (keeps grain and the detail hidden in it), or a mapping from frame number to λ: linear
-    between its keys, constant before the first and after the last."""
-    window: int | None
-    """Frames on each side that help, 0 to 3; default 2 where there is a Vector pass, else 0."""
-    keep_noisy: bool | None
-    """Keep the input beside the result as `Noisy Image`; default False."""
-    overwrite: bool
-    """Write every frame again, also over files that Hush did not write; default False."""
-    strict: bool
-    """Stop at the first bad or missing frame; default False."""
+from ._settings import Path, SequenceSettings, ShotSettings
 
 
 def denoise_sequence(
@@ -108,19 +50,37 @@ def denoise_sequence(
     return _read(_hush.denoise_sequence(_options(inputs, output, settings), told, cancel))
 
 
-def plan_sequence(
+def dry_run_sequence(
     inputs: Path | Sequence[Path] | None = None, output: Path | None = None, **settings: Unpack[SequenceSettings]
 ) -> dict[str, Any]:
-    """Tells what `denoise_sequence` would do with the same arguments, from the files' headers alone. Writes nothing.
+    """Tells what `denoise_sequence` would do with the same arguments, from the files' headers alone, as `hush denoise --dry-run` does.
+    Writes nothing.
 
     Returns:
-        `settings`; `frames`, each with `frame`, `source`, `output`, `action` (`denoise`, `skip`, `fail`), `reason` and `neighbours`
-        (frame numbers that will help); `warnings`; `missing` (first and last of each gap).
+        `settings`: λ, the window, the weights, the rules, and whatever else is not as by default; `frames`, each with `frame`, `source`,
+        `output`, `action` (`denoise`, `skip`, `fail`), `reason` and `neighbours` (frame numbers that will help); `warnings`; `missing`
+        (first and last of each gap).
 
     Raises:
         The same as `denoise_sequence`.
     """
-    return _read(_hush.plan_sequence(_options(inputs, output, settings)))
+    return _read(_hush.dry_run_sequence(_options(inputs, output, settings)))
+
+
+def survey_sequence(
+    inputs: Path | Sequence[Path] | None = None, *, timing: bool = True, **settings: Unpack[SequenceSettings]
+) -> dict[str, Any]:
+    """Tells what is left out of a shot, why, and the time that it saves, as `hush survey --json` does. Looks at the pixels of every
+    frame; with `timing` it denoises one, in turn with and without. Writes nothing.
+
+    Returns:
+        `sequence`, `window`, `frames` (each with `left_out`), `rules` (each with `rule`, `on`, `bound`, `why`, `frames`, `mean`, `most`),
+        `unread` and `unread_share` (passes that are not used), `time`, `failed` (frames that cannot be read).
+
+    Raises:
+        The same as `denoise_sequence`.
+    """
+    return _read(_hush.survey_sequence(_options(inputs, None, settings), timing))
 
 
 def check_sequence(
@@ -173,39 +133,23 @@ def _read(text: str) -> dict[str, Any]:
 
 
 def _options(inputs: Path | Sequence[Path] | None, output: Path | None, settings: SequenceSettings) -> dict[str, Any]:
-    """The arguments in the types that the Rust half takes."""
-    options = shot_options(inputs, output, settings, SequenceSettings)
-    frames = options.get("frames")
-    if frames is not None and not isinstance(frames, str):
-        options["frames"] = ",".join(str(operator.index(frame)) for frame in frames)
-    if "lam" in options:
-        lam = options["lam"]
-        options["lam"] = list(lam.items()) if isinstance(lam, Mapping) else [(0, lam)]
-    return options
+    return shot_options(inputs, output, settings, SequenceSettings)
 
 
 def shot_options(
     inputs: Path | Sequence[Path] | None, output: Path | None, settings: ShotSettings, known: type[ShotSettings]
 ) -> dict[str, Any]:
-    """The same for settings of any function; `known` tells which there are."""
+    """The arguments of a function as the Rust half takes them; `known` tells which settings there are."""
     unknown = settings.keys() - get_type_hints(known).keys()
     if unknown:
         raise TypeError(f"{sorted(unknown)[0]}: there is no such setting; there are {', '.join(get_type_hints(known))}")
-    options: dict[str, Any] = {name: value for name, value in settings.items() if value is not None}
+    options: dict[str, Any] = dict(settings)
     try:
         options["inputs"] = [] if inputs is None else [inputs] if isinstance(inputs, (str, os.PathLike)) else list(inputs)
     except TypeError as error:
         raise TypeError(f"inputs: {error}") from None
-    options["output"] = output
-    if options.get("settings") is False:
-        options["settings"], options["no_settings"] = None, True
-    if "usd" in options:
+    if output is not None:
+        options["output"] = output
+    if isinstance(options.get("usd"), os.PathLike):
         options["usd"] = os.fspath(options["usd"])
-    for name in ("aovs", "layers", "guides", "skip"):
-        if isinstance(options.get(name), str):
-            raise TypeError(f"{name}: expected a sequence of names, got the string {options[name]!r}: write ({options[name]!r},)")
-        if name in options:
-            options[name] = list(options[name])
-    if "passes" in options:
-        options["passes"] = dict(options["passes"])
     return options

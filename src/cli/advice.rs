@@ -1,21 +1,22 @@
 //! What the library advises in settings, said in options: `set window to 0` is `pass --window 0` here.
 
-use crate::settings::KEYS;
+use crate::settings::SETTINGS;
 
 /// Settings that are no shot's, and those whose option has another name where they are switched off.
-const MORE: [(&str, &str); 2] = [("overwrite to true", "--overwrite"), ("oidn to false", "--no-oidn")];
+const MORE: [(&str, &str); 4] = [
+    ("overwrite to true", "--overwrite"),
+    ("oidn to false", "--no-oidn"),
+    ("usd to ", "--usd "),
+    ("settings to ", "--settings "),
+];
 
 /// The text with options in place of settings.
 pub(super) fn with_options(text: &str) -> String {
     let more = MORE.iter().map(|(setting, option)| (format!("set {setting}"), format!("pass {option}")));
-    let keys = KEYS.iter().filter(|key| key.option.starts_with("--")).flat_map(|key| {
-        let name = key.name.replace('_', " ");
-        [
-            (format!("set {name} to true"), format!("pass {}", key.option)),
-            (format!("set {name} to "), format!("pass {} ", key.option)),
-        ]
+    let options = SETTINGS.iter().filter_map(|setting| Some((setting.label(), setting.option?))).flat_map(|(name, option)| {
+        [(format!("set {name} to true"), format!("pass {option}")), (format!("set {name} to "), format!("pass {option} "))]
     });
-    more.chain(keys).fold(text.to_owned(), |text, (setting, option)| text.replace(&setting, &option))
+    more.chain(options).fold(text.to_owned(), |text, (setting, option)| text.replace(&setting, &option))
 }
 
 #[cfg(test)]
@@ -53,7 +54,7 @@ mod tests {
         assert!(all.len() > 100);
         for path in all {
             // The table of options, and the arguments of another program.
-            if path.ends_with("settings/keys.rs") || path.ends_with("report/oidn.rs") {
+            if path.ends_with("settings/table.rs") || path.ends_with("report/oidn.rs") {
                 continue;
             }
             let text = std::fs::read_to_string(&path).unwrap();

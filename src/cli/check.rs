@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::job_args::JobArgs;
+use super::setting_args::{OfRuns, QueryArgs};
 use super::{Exit, print, print_json};
 use crate::error::Result;
 use crate::shot::{Checked, FrameState, Job, SequenceCheck};
@@ -21,7 +21,7 @@ pub(super) struct CheckArgs {
     #[arg(value_name = "INPUT")]
     inputs: Vec<PathBuf>,
     #[command(flatten)]
-    job: JobArgs,
+    shot: QueryArgs<OfRuns>,
     /// One JSON object on standard output
     #[arg(long)]
     json: bool,
@@ -29,8 +29,8 @@ pub(super) struct CheckArgs {
 
 /// Runs the subcommand.
 pub(super) fn check(args: &CheckArgs) -> Result<Exit> {
-    let (sequence, settings) = args.job.shot(&args.inputs)?;
-    let job = Job { skip: args.job.skip()?, ..settings.job(sequence, None)? };
+    let (sequence, settings) = args.shot.query(&args.inputs).find_even_unrendered()?;
+    let job = Job::of(&settings, sequence, None)?;
     let checked = SequenceCheck::new().check(&job)?;
     if args.json {
         print_json(&checked);

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::advice::with_options;
-use super::job_args::JobArgs;
 use super::progress::{Mode, Progress};
+use super::setting_args::{OfRuns, QueryArgs};
 use super::signals::stop_handler;
 use super::{CatchSignals, Exit, print, print_json, say};
 use crate::error::Result;
@@ -30,7 +30,7 @@ pub(super) struct DenoiseArgs {
     #[arg(value_name = "INPUT")]
     inputs: Vec<PathBuf>,
     #[command(flatten)]
-    job: JobArgs,
+    shot: QueryArgs<OfRuns>,
     /// Write every frame again, also over files that Hush did not write
     #[arg(long)]
     overwrite: bool,
@@ -67,12 +67,12 @@ pub(super) fn denoise(args: &DenoiseArgs, catch_signals: CatchSignals) -> Result
 }
 
 fn denoise_with(args: &DenoiseArgs, mode: Mode, progress: &Progress, catch_signals: CatchSignals) -> Result<Exit> {
-    let (sequence, settings) = args.job.shot(&args.inputs)?;
+    let (sequence, settings) = args.shot.query(&args.inputs).find()?;
     if matches!(mode, Mode::Bar | Mode::Lines) {
         settings.from_files().iter().for_each(|line| say(format_args!("{line}")));
         tell_named(&sequence);
     }
-    let job = Job { overwrite: args.overwrite, strict: args.strict, skip: args.job.skip()?, ..settings.job(sequence, None)? };
+    let job = Job { overwrite: args.overwrite, strict: args.strict, ..Job::of(&settings, sequence, None)? };
     if args.dry_run {
         let plan = Plan::new(&job)?;
         if mode == Mode::Json {
@@ -82,7 +82,7 @@ fn denoise_with(args: &DenoiseArgs, mode: Mode, progress: &Progress, catch_signa
         }
         return Ok(Exit::Good);
     }
-    let engine = args.job.engine_for(&settings.values)?;
+    let engine = job.settings.engine()?;
     let cancel = CancelToken::new();
     catch_signals(stop_handler(&cancel, Some(&job.output)))?;
     let summary = run(&job, &engine, &|event| progress.report(&event), &cancel)?;
@@ -119,7 +119,7 @@ fn show(job: &Job, plan: &Plan) {
         job.output.display(),
         counted(plan.frames.len(), "frame"),
         plan.settings.window,
-        job.lambda
+        job.lambda()
     ));
     for warning in &plan.warnings {
         print(format_args!("warning: {}", with_options(&warning.message)));

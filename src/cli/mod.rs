@@ -6,18 +6,15 @@ mod denoise;
 mod estimate;
 mod eval;
 mod inspect;
-mod job_args;
-mod plan;
 mod preview;
 mod progress;
 mod read_stage;
 mod report;
 mod setting_args;
 mod shot;
-mod shot_args;
 mod signals;
-mod skip_args;
 mod status;
+mod survey;
 mod watch;
 
 use std::ffi::OsString;
@@ -51,10 +48,10 @@ enum Command {
     Watch(Box<watch::WatchArgs>),
     Inspect(inspect::InspectArgs),
     Eval(eval::EvalArgs),
-    Shot(shot::ShotArgs),
+    Shot(shot::ShotSubcommands),
     #[command(name = read_stage::NAME, hide = true)]
     ReadStage(read_stage::ReadStageArgs),
-    Plan(Box<plan::PlanArgs>),
+    Survey(Box<survey::SurveyArgs>),
     Preview(Box<preview::PreviewArgs>),
     Report(Box<report::ReportArgs>),
 }
@@ -99,7 +96,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>, catch_signals: CatchSignals
         Command::Eval(args) => eval::eval(&args),
         Command::Shot(args) => shot::shot(&args),
         Command::ReadStage(args) => read_stage::read_stage(&args),
-        Command::Plan(args) => plan::plan(&args, catch_signals),
+        Command::Survey(args) => survey::show_survey(&args, catch_signals),
         Command::Preview(args) => preview::show_preview(&args, catch_signals),
         Command::Report(args) => report::report(&args, catch_signals),
     };

@@ -5,18 +5,13 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget};
 
-use super::job_args::find_shot;
-use super::setting_args::{LookArgs, SourceArgs};
+use super::setting_args::{OfPreviews, QueryArgs};
 use super::signals::stop_handler;
-use super::skip_args::SkipArgs;
 use super::{CatchSignals, Exit, print, say};
-use crate::engine::{Engine, Settings};
 use crate::error::{Error, Result};
-use crate::network::weights::Weights;
 use crate::preview::{Preview, Region, Request, SheetOptions, Variant, preview, write_sheet};
 use crate::rules::lambda::Lambda;
-use crate::settings::Layered;
-use crate::shot::CancelToken;
+use crate::shot::{CancelToken, Job};
 
 /// Shows one frame denoised in several ways, as a sheet of tiles
 ///
@@ -54,14 +49,7 @@ pub(super) struct PreviewArgs {
     #[arg(long, value_name = "EV", default_value_t = 0.0, allow_negative_numbers = true, value_parser = stops)]
     exposure: f64,
     #[command(flatten)]
-    look: LookArgs,
-    #[command(flatten)]
-    sources: SourceArgs,
-    /// Threads for computing [default: all cores]
-    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=4096))]
-    threads: Option<u16>,
-    #[command(flatten)]
-    skip: SkipArgs,
+    shot: QueryArgs<OfPreviews>,
     /// Say nothing but errors
     #[arg(short, long)]
     quiet: bool,
@@ -73,9 +61,9 @@ pub(super) fn show_preview(args: &PreviewArgs, catch_signals: CatchSignals) -> R
         let reason = format!("{} is no name of a PNG: give one that ends in .png", args.output.display());
         return Err(Error::BadSetting { name: "output", reason });
     }
-    let (sequence, settings) = find_shot(&args.inputs, &|folder| args.settings(folder))?;
+    let (sequence, settings) = args.shot.query(&args.inputs).find()?;
     // The job is never run: it says what a run would read.
-    let job = settings.job(sequence, Some(PathBuf::new()))?;
+    let job = Job::of(&settings, sequence, Some(PathBuf::new()))?;
     if job.sequence.frames.iter().any(|f| same_file(&f.path, &args.output)) {
         return Err(Error::BadSetting { name: "output", reason: "is one of the frames".into() });
     }
@@ -85,20 +73,17 @@ pub(super) fn show_preview(args: &PreviewArgs, catch_signals: CatchSignals) -> R
     let lambdas: Vec<f32> = args.lambda.iter().map(one).collect::<Result<_>>()?;
     let request = Request {
         frame: args.frame,
-        lambdas: if lambdas.is_empty() { vec![job.lambda.at(args.frame)] } else { lambdas },
-        windows: if args.window.is_empty() { job.window.into_iter().collect() } else { args.window.clone() },
+        lambdas: if lambdas.is_empty() { vec![job.lambda().at(args.frame)] } else { lambdas },
+        windows: if args.window.is_empty() { job.settings.window.into_iter().collect() } else { args.window.clone() },
         region: args.region,
         flicker: args.flicker,
     };
-    let values = &settings.values;
-    let threads = args.threads.map(usize::from);
-    let engine = Settings { memory: values.memory, skip: args.skip.skip()?, threads, ..Settings::default() };
-    let engine = Engine::from_weights(&Weights::open(values.model.as_deref(), values.renderer.as_deref())?, engine)?;
+    let engine = job.settings.engine()?;
     let cancel = CancelToken::new();
     catch_signals(stop_handler(&cancel, None))?;
     let target = if args.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
     let bar = ProgressBar::with_draw_target(Some(100), target);
-    let made = preview((&job.sequence, &job.selection), &request, &engine, &|f| bar.set_position((100.0 * f) as u64), &cancel);
+    let made = preview((&job.sequence, &job.selection()), &request, &engine, &|f| bar.set_position((100.0 * f) as u64), &cancel);
     bar.finish_and_clear();
     let made = match made {
         Err(Error::Cancelled) => return Ok(Exit::Stopped),
@@ -112,12 +97,6 @@ pub(super) fn show_preview(args: &PreviewArgs, catch_signals: CatchSignals) -> R
         lines(&made).iter().for_each(print);
     }
     Ok(Exit::Good)
-}
-
-impl PreviewArgs {
-    fn settings(&self, folder: Option<&Path>) -> Result<Layered> {
-        Ok(self.look.without_guides(self.sources.gather(folder, self.look.given()?)?))
-    }
 }
 
 fn same_file(one: &Path, other: &Path) -> bool {

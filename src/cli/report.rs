@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use super::shot_args::ShotArgs;
+use super::setting_args::{OfReports, QueryArgs};
 use super::signals::stop_handler;
 use super::{CatchSignals, Exit, print, say};
 use crate::error::{Error, Result};
+use crate::network::weights::Weights;
 use crate::report::{Measured, Oidn, Options, PAGE, REACH, measure, prepare, write};
-use crate::rules::skip::Skip;
+use crate::settings::ShotSettings;
 use crate::shot::{CancelToken, Scope};
 use crate::stability;
 
@@ -21,8 +22,12 @@ use crate::stability;
 /// before and after. No frames are written.
 #[derive(Args)]
 pub(super) struct ReportArgs {
+    /// A folder, a glob, a pattern such as shot/frame_####.exr or shot/frame_%04d.exr, or files; may be left out where the shot's
+    /// settings name them
+    #[arg(value_name = "INPUT")]
+    inputs: Vec<PathBuf>,
     #[command(flatten)]
-    shot: ShotArgs,
+    shot: QueryArgs<OfReports>,
     /// The frames as they should be, named alike: a folder, a pattern such as ref/frame_####.exr, or a file
     #[arg(short, long, value_name = "INPUT")]
     reference: Option<PathBuf>,
@@ -48,18 +53,21 @@ pub(super) struct ReportArgs {
 
 /// Runs the subcommand; frames that could not be measured show in the exit code.
 pub(super) fn report(args: &ReportArgs, catch_signals: CatchSignals) -> Result<Exit> {
-    let scope = Scope::open(&args.shot.sequence()?, &args.shot.selection(&[]), args.shot.frames.as_ref(), None, REACH)?;
+    let (sequence, settings) = args.shot.query(&args.inputs).find()?;
+    // Measured are every window and the rules by default, on the beauty alone.
+    let values = ShotSettings { skip: None, aovs: None, ..settings.values };
+    let scope = Scope::open(&sequence, &values.selection(), values.frames.as_ref(), None, REACH)?;
     check_apart(&args.output, &scope)?;
     prepare(&args.output)?;
-    let engine = args.shot.engine(Skip::default())?;
+    let engine = values.engine()?;
     let oidn = if args.no_oidn { None } else { Oidn::find(args.oidn.as_deref())? };
     let options = Options {
         reference: args.reference.clone(),
         repeats: usize::from(args.repeats),
-        chosen: args.shot.frames.is_some(),
+        chosen: values.frames.is_some(),
         oidn: oidn.map(|oidn| (oidn, args.oidn.is_some())),
-        layer: args.shot.layer.clone(),
-        view: args.shot.view.clone(),
+        layer: values.layers.as_ref().and_then(|layers| layers.first().cloned()),
+        view: values.view.clone(),
     };
     let cancel = CancelToken::new();
     catch_signals(stop_handler(&cancel, Some(&args.output)))?;
@@ -80,7 +88,10 @@ pub(super) fn report(args: &ReportArgs, catch_signals: CatchSignals) -> Result<E
     };
     let measured = measure(&scope, &engine, &options, &progress, &cancel).and_then(|mut measured| {
         if args.stability {
-            measured.report.stability = stability::run(&args.shot.weights()?, 0, &|done, all, _| progress(done, all))?;
+            measured.report.stability =
+                stability::run(&Weights::open(values.model.as_deref(), values.renderer.as_deref())?, 0, &|done, all, _| {
+                    progress(done, all)
+                })?;
         }
         if cancel.is_cancelled() { Err(Error::Cancelled) } else { Ok(measured) }
     });

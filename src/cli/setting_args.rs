@@ -1,136 +1,103 @@
-//! A shot's settings as options, and the files to take others from.
+//! A shot's settings as options, and the files to take others from: what the table of settings says, for clap.
 
-use std::path::{Path, PathBuf};
+use std::marker::PhantomData;
+use std::path::PathBuf;
 
-use clap::Args;
+use clap::error::ErrorKind;
+use clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches};
 
-use crate::error::Result;
-use crate::rules::lambda::Lambda;
-use crate::settings::size::parse_size;
-use crate::settings::{Guide, Layered, Origin, ShotSettings, Sources, StageRef, gather, read_apart};
+use crate::settings::{Kind, NOT_OF_A_PREVIEW, SETTINGS, Setting, ShotQuery, ShotSettings, StageRef};
 
-/// The settings that every command on shots takes alike.
-#[derive(Args)]
-pub(super) struct SettingArgs {
-    #[command(flatten)]
-    dial: DialArgs,
-    #[command(flatten)]
-    look: LookArgs,
+/// Which settings a command leaves out of its options.
+pub(super) trait Offered {
+    /// By name.
+    const WITHOUT: &'static [&'static str];
 }
 
-/// The settings that a preview tries several of.
-#[derive(Args)]
-struct DialArgs {
-    /// From 1 (cleanest) to 64 (keeps grain and the detail hidden in it); 1:1,24:8 goes from 1 at frame 1 to 8 at frame 24
-    /// [default: 1]
-    #[arg(short, long, allow_hyphen_values = true)]
-    lambda: Option<Lambda>,
-    /// Frames on each side that help, 0 to 3 [default: 2 where there is a Vector pass, else 0]
-    #[arg(short, long)]
-    window: Option<usize>,
+/// Of `hush denoise`, `hush check` and `hush watch`.
+pub(super) struct OfRuns;
+/// Of `hush preview`.
+pub(super) struct OfPreviews;
+/// Of `hush survey`.
+pub(super) struct OfSurveys;
+/// Of `hush report`.
+pub(super) struct OfReports;
+/// Of `hush shot write`, whose output is the layer.
+pub(super) struct OfLayers;
+
+impl Offered for OfRuns {
+    const WITHOUT: &'static [&'static str] = &[];
+}
+impl Offered for OfPreviews {
+    const WITHOUT: &'static [&'static str] = &NOT_OF_A_PREVIEW;
+}
+impl Offered for OfSurveys {
+    const WITHOUT: &'static [&'static str] = &["enable", "output", "lambda", "keep_noisy"];
+}
+impl Offered for OfReports {
+    const WITHOUT: &'static [&'static str] = &["enable", "output", "lambda", "window", "aovs", "keep_noisy", "skip"];
+}
+impl Offered for OfLayers {
+    const WITHOUT: &'static [&'static str] = &["output"];
 }
 
-/// The other settings: what is read, and with what.
-#[derive(Args)]
-pub(super) struct LookArgs {
-    /// View layer to denoise; may be given several times [default: the one with the most samples]
-    #[arg(long = "layer", value_name = "NAME|all")]
-    layers: Vec<String>,
-    /// Stereo view to denoise [default: all]
-    #[arg(long, value_name = "NAME")]
-    view: Option<String>,
-    /// View layer to take the Vector pass from, such as one without motion blur [default: Hush Vectors where the file holds it, else
-    /// the layer denoised]
-    #[arg(long, value_name = "NAME")]
-    vector_layer: Option<String>,
-    /// Light pass to denoise along, such as "Diffuse Direct", or all, or none; may be given several times
-    #[arg(long = "aov", value_name = "NAME|all|none")]
-    aovs: Vec<String>,
-    /// Guides that may be used, such as albedo,normal, or none [default: albedo,normal,depth,vector]
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
-    guides: Vec<String>,
-    /// Do without the Denoising Albedo
-    #[arg(long)]
-    no_albedo: bool,
-    /// Do without the Denoising Normal
-    #[arg(long)]
-    no_normal: bool,
-    /// Do without depth
-    #[arg(long)]
-    no_depth: bool,
-    /// Do without motion vectors, and so without neighbours
-    #[arg(long)]
-    no_vector: bool,
-    /// Keep the input beside the result as "Noisy Image"
-    #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true")]
-    keep_noisy: Option<bool>,
-    /// Memory for the frames in the window and the computing, such as 4G; reading and writing come on top [default: 3.1G]
-    #[arg(long, value_name = "SIZE", value_parser = parse_size)]
-    memory: Option<u64>,
-    /// Other weights, a safetensors file
-    #[arg(long, value_name = "FILE")]
-    model: Option<PathBuf>,
-    /// Renderer that made the frames, one that the weights have an encoder for: cycles or mitsuba [default: cycles]
-    #[arg(long, value_name = "NAME")]
-    renderer: Option<String>,
-    /// Denoise although the shot's settings switch it off
-    #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true")]
-    enable: Option<bool>,
-}
-
-impl SettingArgs {
+/// The settings that a command takes.
+pub(super) struct SettingArgs<L> {
     /// What the options say.
-    pub fn given(&self) -> Result<ShotSettings> {
-        let DialArgs { lambda, window } = &self.dial;
-        Ok(ShotSettings { lambda: lambda.clone(), window: *window, ..self.look.given()? })
-    }
+    pub given: ShotSettings,
+    offered: PhantomData<L>,
+}
 
-    /// Takes out of the guides what `--no-…` says, whoever named them.
-    pub fn without_guides(&self, settings: Layered) -> Layered {
-        self.look.without_guides(settings)
+impl<L: Offered> SettingArgs<L> {
+    fn offered() -> impl Iterator<Item = (&'static Setting, &'static str)> {
+        let with_option = SETTINGS.iter().filter_map(|setting| Some((setting, setting.option?.trim_start_matches('-'))));
+        with_option.filter(|(setting, _)| !L::WITHOUT.contains(&setting.name))
     }
 }
 
-impl LookArgs {
-    /// What the options say.
-    pub fn given(&self) -> Result<ShotSettings> {
-        let list = |names: &[String]| {
-            let kept = names.iter().filter(|n| !n.eq_ignore_ascii_case("none")).cloned();
-            (!names.is_empty()).then(|| kept.collect::<Vec<_>>())
-        };
-        let guides = list(&self.guides).map(|names| names.iter().map(|n| n.parse()).collect()).transpose()?;
-        Ok(ShotSettings {
-            enable: self.enable,
-            layers: list(&self.layers),
-            view: self.view.clone(),
-            vector_layer: self.vector_layer.clone(),
-            aovs: list(&self.aovs),
-            guides,
-            keep_noisy: self.keep_noisy,
-            model: self.model.clone(),
-            renderer: self.renderer.clone(),
-            memory: self.memory,
-            ..ShotSettings::default()
-        })
+impl<L: Offered> Args for SettingArgs<L> {
+    fn augment_args(command: Command) -> Command {
+        Self::offered().fold(command, |command, (setting, option)| command.arg(argument(setting, option)))
     }
 
-    /// Takes out of the guides what `--no-…` says, whoever named them.
-    pub fn without_guides(&self, settings: Layered) -> Layered {
-        let switches = [
-            (self.no_albedo, Guide::Albedo, "--no-albedo"),
-            (self.no_normal, Guide::Normal, "--no-normal"),
-            (self.no_depth, Guide::Depth, "--no-depth"),
-            (self.no_vector, Guide::Vector, "--no-vector"),
-        ];
-        let off: Vec<_> = switches.iter().filter(|(off, ..)| *off).collect();
-        if off.is_empty() {
-            return settings;
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}
+
+impl<L: Offered> FromArgMatches for SettingArgs<L> {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let mut given = ShotSettings::default();
+        for (setting, _) in Self::offered() {
+            if let Some(words) = matches.get_many::<String>(setting.name) {
+                let words: Vec<String> = words.cloned().collect();
+                let said = setting.kind.of_words(&words).and_then(|v| given.set(setting.name, v).map_err(|e| e.to_string()));
+                said.map_err(|reason| clap::Error::raw(ErrorKind::ValueValidation, format!("{}: {reason}\n", setting.name)))?;
+            }
         }
-        let mut guides = settings.values.guides.clone().unwrap_or_else(|| switches.map(|(_, guide, _)| guide).to_vec());
-        guides.retain(|guide| !off.iter().any(|(_, without, _)| without == guide));
-        let option = off.iter().map(|(.., option)| *option).collect::<Vec<_>>().join(" ");
-        let left = ShotSettings { guides: Some(guides), ..ShotSettings::default() };
-        Layered::new(left, |_| Origin::CommandLine { option: option.clone() }).over(settings)
+        Ok(Self { given, offered: PhantomData })
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+/// The option of a setting.
+fn argument(setting: &'static Setting, option: &'static str) -> Arg {
+    let kind = setting.kind;
+    let several = matches!(kind, Kind::Names);
+    let more = if several { "; may be given several times" } else { "" };
+    let help = format!("{}{more} [default: {}]", setting.help(), setting.default);
+    let arg = Arg::new(setting.name).long(option).help(help).allow_hyphen_values(matches!(kind, Kind::Lambda | Kind::Frames));
+    let arg = arg.value_parser(move |word: &str| kind.of_words(&[word.to_owned()]).map(|_| word.to_owned()));
+    let arg = setting.short.map_or(arg.clone(), |short| arg.short(short));
+    match kind {
+        Kind::Flag => arg.value_name("BOOL").num_args(0..=1).require_equals(true).default_missing_value("true"),
+        Kind::Names => arg.value_name(setting.argument).action(ArgAction::Append),
+        Kind::Choices(_) => arg.value_name(setting.argument).action(ArgAction::Append).value_delimiter(','),
+        _ => arg.value_name(setting.argument),
     }
 }
 
@@ -140,24 +107,81 @@ pub(super) struct SourceArgs {
     /// USD stage to take settings from, perhaps with the render prim to start from
     #[arg(long, value_name = "FILE[@/PRIM]")]
     pub usd: Option<StageRef>,
-    /// Settings file to take instead of the hush.toml or hush.json beside the frames
+    /// Settings file to take instead of the hush.toml beside the frames
     #[arg(long, value_name = "FILE", conflicts_with = "no_settings")]
     pub settings: Option<PathBuf>,
-    /// Leave the hush.toml or hush.json beside the frames alone
+    /// Leave the hush.toml beside the frames alone
     #[arg(long)]
     pub no_settings: bool,
 }
 
-impl SourceArgs {
-    /// The settings from all sources, for the frames in `folder` if that is known.
-    pub fn gather(&self, folder: Option<&Path>, given: ShotSettings) -> Result<Layered> {
-        let sources =
-            Sources { usd: self.usd.clone(), file: self.settings.clone(), look_beside: !self.no_settings, read_usd: &read_apart };
-        gather(folder, &sources, given)
+/// A shot's settings from everywhere.
+#[derive(Args)]
+pub(super) struct QueryArgs<L: Offered> {
+    #[command(flatten)]
+    settings: SettingArgs<L>,
+    #[command(flatten)]
+    pub sources: SourceArgs,
+}
+
+impl<L: Offered> QueryArgs<L> {
+    /// What the options say about a shot.
+    pub fn query(&self, inputs: &[PathBuf]) -> ShotQuery {
+        let SourceArgs { usd, settings, no_settings } = self.sources.clone();
+        ShotQuery { usd, file: settings, look_beside: !no_settings, ..ShotQuery::new(inputs, self.settings.given.clone()) }
     }
 }
 
-/// The folder that a file lies in.
-pub(super) fn folder_of(file: &Path) -> &Path {
-    file.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn given(words: &[&str]) -> Result<ShotSettings, clap::Error> {
+        let command = QueryArgs::<OfRuns>::augment_args(Command::new("hush"));
+        let matches = command.try_get_matches_from([&["hush"], words].concat())?;
+        Ok(QueryArgs::<OfRuns>::from_arg_matches(&matches)?.settings.given)
+    }
+
+    #[test]
+    fn options_say_what_the_table_names() {
+        let said = given(&[
+            "-l",
+            "1:1,24:8",
+            "--layer",
+            "A, B",
+            "--layer",
+            "C",
+            "--guides",
+            "albedo,vector",
+            "--keep-noisy",
+            "-f",
+            "-3--1",
+        ]);
+        let said = said.unwrap();
+        assert_eq!(said.lambda.unwrap().at(24), 8.0);
+        assert_eq!(said.layers.unwrap(), ["A, B", "C"]);
+        assert_eq!((said.guides.unwrap().len(), said.keep_noisy, said.enable), (2, Some(true), None));
+        assert_eq!(said.frames.unwrap().to_string(), "-3--1");
+        assert_eq!(given(&["--enable=false", "--aov", "none"]).unwrap().enable, Some(false));
+    }
+
+    #[test]
+    fn what_is_no_value_is_refused_with_its_option() {
+        for (words, part) in [
+            (["--window", "4"], "0 to 3"),
+            (["--lambda", "0.5"], "out of range"),
+            (["--skip", "fog"], "constant"),
+            (["--memory", "much"], "4G"),
+        ] {
+            let said = given(&words).unwrap_err().to_string();
+            assert!(said.contains(words[0]) && said.contains(part), "{said}");
+        }
+    }
+
+    #[test]
+    fn what_is_left_out_is_a_setting() {
+        for name in [OfPreviews::WITHOUT, OfSurveys::WITHOUT, OfReports::WITHOUT, OfLayers::WITHOUT].concat() {
+            assert!(Setting::named(name).is_ok(), "{name}");
+        }
+    }
 }

@@ -7,18 +7,15 @@ use clap::{Args, Subcommand};
 use serde_json::{Map, Value, json};
 
 use super::advice::with_options;
-use super::job_args::JobArgs;
-use super::setting_args::{SettingArgs, SourceArgs};
+use super::setting_args::{OfLayers, OfRuns, QueryArgs};
 use super::{Exit, print, print_json, say};
 use crate::error::{Error, Result};
-use crate::io::sequence::Sequence;
 use crate::io::write_atomically;
-use crate::rules::frames::FrameSet;
-use crate::settings::{KEYS, Key, Layered, ShotSettings, usd};
+use crate::settings::{Layered, Origin, SETTINGS, Setting, ShotQuery, ShotSettings, in_words, usd};
 
 /// A shot's settings: where each comes from, and writing them into a USD layer
 #[derive(Args)]
-pub(super) struct ShotArgs {
+pub(super) struct ShotSubcommands {
     #[command(subcommand)]
     command: Command,
 }
@@ -36,7 +33,7 @@ struct ShowArgs {
     #[arg(value_name = "INPUT|FILE")]
     input: Option<PathBuf>,
     #[command(flatten)]
-    job: JobArgs,
+    shot: QueryArgs<OfRuns>,
     /// One JSON object instead of a table
     #[arg(long)]
     json: bool,
@@ -63,20 +60,15 @@ struct WriteArgs {
     /// The folder for the denoised frames, as hush:output
     #[arg(long, value_name = "DIR")]
     to: Option<PathBuf>,
-    /// Frames to write, as hush:frames
-    #[arg(short, long, allow_hyphen_values = true)]
-    frames: Option<FrameSet>,
     #[command(flatten)]
-    settings: SettingArgs,
-    #[command(flatten)]
-    sources: SourceArgs,
+    shot: QueryArgs<OfLayers>,
     /// Replace the layer if it is there
     #[arg(long)]
     overwrite: bool,
 }
 
 /// Runs the subcommand.
-pub(super) fn shot(args: &ShotArgs) -> Result<Exit> {
+pub(super) fn shot(args: &ShotSubcommands) -> Result<Exit> {
     match &args.command {
         Command::Show(args) => show(args),
         Command::Write(args) => write(args),
@@ -85,12 +77,21 @@ pub(super) fn shot(args: &ShotArgs) -> Result<Exit> {
 
 fn show(args: &ShowArgs) -> Result<Exit> {
     let extension = args.input.as_deref().and_then(Path::extension).map(|e| e.to_string_lossy().to_ascii_lowercase());
+    let query = args.shot.query(&[]);
+    let twice = |name| Err(Error::BadSetting { name, reason: "is given twice: name one file".into() });
     let settings = match (&args.input, extension.as_deref()) {
-        (None, _) => args.job.settings(None)?,
-        (Some(stage), Some("usd" | "usda" | "usdc" | "usdz")) => args.job.settings_with(Some(stage), None)?,
-        (Some(text), _) if text.to_string_lossy().contains("@/") => args.job.settings_with(Some(text), None)?,
-        (Some(file), Some("toml" | "json")) => args.job.settings_with(None, Some(file))?,
-        (Some(input), _) => args.job.settings_of(&Sequence::find(&[input])?)?,
+        (None, _) => query.settings(None)?,
+        (Some(stage), extension) if matches!(extension, Some("usd" | "usda" | "usdc" | "usdz")) || is_prim(stage) => {
+            match &query.usd {
+                None => ShotQuery { usd: Some(stage.to_string_lossy().parse()?), ..query }.settings(None)?,
+                Some(_) => return twice("usd"),
+            }
+        }
+        (Some(file), Some("toml")) => match &query.file {
+            None => ShotQuery { file: Some(file.clone()), ..query }.settings(None)?,
+            Some(_) => return twice("settings"),
+        },
+        (Some(input), _) => ShotQuery { inputs: vec![input.clone()], ..query }.find()?.1,
     };
     match args.json {
         true => print_json(&as_json(&settings)),
@@ -100,28 +101,26 @@ fn show(args: &ShowArgs) -> Result<Exit> {
     Ok(Exit::Good)
 }
 
+fn is_prim(stage: &Path) -> bool {
+    stage.to_string_lossy().contains("@/")
+}
+
 fn as_json(settings: &Layered) -> Value {
-    let entry = |key: &Key| {
-        let mut entry = serde_json::to_value(settings.origin(key.name)).ok()?;
-        entry.as_object_mut()?.insert("value".into(), settings.value(key.name));
-        Some((key.name.to_owned(), entry))
+    let entry = |setting: &Setting| {
+        let mut entry = serde_json::to_value(settings.origin(setting.name)).ok()?;
+        entry.as_object_mut()?.insert("value".into(), settings.values.get(setting.name));
+        Some((setting.name.to_owned(), entry))
     };
-    json!({ "settings": KEYS.iter().filter_map(entry).collect::<Map<_, _>>(), "notes": settings.notes })
+    json!({ "settings": SETTINGS.iter().filter_map(entry).collect::<Map<_, _>>(), "notes": settings.notes })
 }
 
 fn as_table(settings: &Layered) -> String {
-    let text = |key: &Key| match (settings.value(key.name), &settings.values.lambda) {
-        (Value::Null, _) => key.default.to_owned(),
-        (_, Some(lambda)) if key.name == "lambda" => lambda.to_string(),
-        (Value::String(text), _) => text,
-        (Value::Array(items), _) if items.is_empty() => "none".into(),
-        (Value::Array(items), _) => {
-            items.iter().map(|v| v.as_str().map_or_else(|| v.to_string(), str::to_owned)).collect::<Vec<_>>().join(", ")
-        }
-        (other, _) => other.to_string(),
+    let text = |setting: &Setting| match settings.values.get(setting.name) {
+        Value::Null => setting.default.to_owned(),
+        value => in_words(&value),
     };
     let rows: Vec<(&str, String, String)> =
-        KEYS.iter().map(|key| (key.name, text(key), settings.origin(key.name).to_string())).collect();
+        SETTINGS.iter().map(|setting| (setting.name, text(setting), settings.origin(setting.name).to_string())).collect();
     let width = rows.iter().map(|(_, value, _)| value.chars().count()).max().unwrap_or(0).min(60);
     let mut table = String::new();
     for (name, value, origin) in rows {
@@ -137,9 +136,10 @@ fn write(args: &WriteArgs) -> Result<Exit> {
     if args.output.exists() && !args.overwrite {
         return Err(Error::bad_file(&args.output, "is there already: pass --overwrite to replace it"));
     }
-    let (input, output) = (args.input.clone(), args.to.clone());
-    let given = ShotSettings { input, output, frames: args.frames.clone(), ..args.settings.given()? };
-    let settings = args.settings.without_guides(args.sources.gather(None, given)?);
+    let mut query = args.shot.query(&[]);
+    let places = ShotSettings { input: args.input.clone(), output: args.to.clone(), ..ShotSettings::default() };
+    query.given = Layered::new(places, |name| Origin::CommandLine { option: name.into() }).over(query.given);
+    let settings = query.settings(None)?;
     if settings.given().next().is_none() {
         let reason = "there is nothing to write: give settings, such as --lambda 4, or --settings hush.toml";
         return Err(Error::BadInput { input: "hush shot write".into(), reason: reason.into() });

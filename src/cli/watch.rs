@@ -1,17 +1,20 @@
 //! `hush watch`: arguments to a watch, its exit code.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
 
-use super::job_args::JobArgs;
 use super::progress::Mode;
+use super::setting_args::{OfRuns, QueryArgs};
 use super::signals::stop_handler;
 use super::status::Status;
 use super::{CatchSignals, Exit};
-use crate::error::Result;
-use crate::shot::{CancelToken, Event};
+use crate::engine::Engine;
+use crate::error::{Error, Result};
+use crate::io::sequence::Sequence;
+use crate::settings::ShotQuery;
+use crate::shot::{CancelToken, Event, Job};
 use crate::watch::{self, Options, Report, watch};
 
 /// Denoises the frames of a folder while they are still being rendered
@@ -28,7 +31,7 @@ pub(super) struct WatchArgs {
     #[arg(value_name = "INPUT")]
     input: PathBuf,
     #[command(flatten)]
-    job: JobArgs,
+    shot: QueryArgs<OfRuns>,
     /// Seconds without a new frame until missing neighbours are given up [default: 30, more where frames take longer]
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     settle: Option<Duration>,
@@ -63,7 +66,8 @@ pub(super) fn watch_folder(args: &WatchArgs, catch_signals: CatchSignals) -> Res
 }
 
 fn watch_with(args: &WatchArgs, status: &Status, catch_signals: CatchSignals) -> Result<Exit> {
-    let settings = args.job.settings(None)?;
+    let query = args.shot.query(&[]);
+    let settings = query.settings(None)?;
     let output = settings.output()?;
     let options = Options {
         input: args.input.clone(),
@@ -73,12 +77,37 @@ fn watch_with(args: &WatchArgs, status: &Status, catch_signals: CatchSignals) ->
         poll: args.poll,
         once: args.once,
     };
-    let engine = args.job.engine_for(&settings.values)?;
+    let engine = settings.values.engine()?;
     let cancel = CancelToken::new();
     catch_signals(stop_handler(&cancel, Some(&output)))?;
-    let report =
-        watch(&options, &|sequence| args.job.job_with(sequence, &settings), &engine, &|event| status.report(&event), &cancel)?;
+    let report = watch(
+        &options,
+        &|sequence| job_of(&query, sequence, &output, &engine),
+        &engine,
+        &|event| status.report(&event),
+        &cancel,
+    )?;
     Ok(exit_of(&report))
+}
+
+/// The job for a sequence, with the settings beside its frames.
+///
+/// # Errors
+/// They name other weights, another renderer or other rules than the engine has.
+fn job_of(query: &ShotQuery, sequence: Sequence, output: &Path, engine: &Engine) -> Result<Job> {
+    let settings = query.settings(Sequence::folder(&[] as &[&Path], &sequence).as_deref())?;
+    let (shot, one) = (settings.values.identity()?, engine.identity());
+    for (name, differs) in
+        [("model", shot.model != one.model), ("renderer", shot.renderer != one.renderer), ("skip", shot.skip != one.skip)]
+    {
+        if differs {
+            let by = settings.origin(name);
+            let reason =
+                format!("{by} says another than the watch began with, and one watch has one engine: set {name} to one for all");
+            return Err(Error::BadSetting { name, reason });
+        }
+    }
+    Job::of(&settings, sequence, Some(output.to_owned()))
 }
 
 fn exit_of(report: &Report) -> Exit {

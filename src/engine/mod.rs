@@ -2,6 +2,7 @@
 
 use clock::Clock;
 pub use clock::{STAGES, Stage};
+pub use identity::{Identity, ModelId};
 use ndarray::{Array2, Array3, s};
 use paths::{Path, paths};
 use settings::check_levels;
@@ -81,6 +82,7 @@ pub struct Denoised {
 /// The network with its weights, ready to run. Shared between threads.
 pub struct Engine {
     settings: Settings,
+    identity: Identity,
     isa: Isa,
     pool: Option<rayon::ThreadPool>,
     encoder: Encoder,
@@ -116,6 +118,7 @@ impl Engine {
         Ok(Self {
             pool: settings.threads.map(pool).transpose()?,
             isa: settings.isa.unwrap_or_else(Isa::detect),
+            identity: Identity::new(weights.id.clone(), weights.renderer.as_deref(), settings.skip),
             settings,
             encoder: Encoder::new(weights)?,
             temporal: Temporal::new(weights)?,
@@ -128,6 +131,11 @@ impl Engine {
             channels_per_pixel: 3 * a.half + a.quarter + a.eighth / 2,
             clock: Clock::default(),
         })
+    }
+
+    /// What decides its results besides the frames.
+    pub fn identity(&self) -> &Identity {
+        &self.identity
     }
 
     /// The instruction set of the kernels.
@@ -443,6 +451,7 @@ mod clock;
 mod encode;
 #[cfg(test)]
 mod golden_tests;
+mod identity;
 mod paths;
 pub(crate) mod probe;
 mod settings;

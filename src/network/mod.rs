@@ -6,6 +6,7 @@ pub mod features;
 pub mod gathered;
 pub mod levels;
 pub(crate) mod logits;
+pub mod model_id;
 pub mod pairs;
 pub mod predictor;
 pub mod renderers;

@@ -7,12 +7,12 @@ use ndarray::{Array1, Array4, ArrayD, Ix1, Ix4};
 use safetensors::{Dtype, SafeTensors};
 use serde::{Deserialize, Serialize};
 
+pub use super::model_id::EMBEDDED;
+use super::model_id::ModelId;
 use super::renderers;
 use crate::error::{Error, Result};
 use crate::simd::{Conv, Winograd};
 
-/// The weights file that this build carries.
-pub const EMBEDDED: &[u8] = include_bytes!("../../models/hush.safetensors");
 /// The description of architectures that this build reads.
 const VERSION: u32 = 2;
 /// Pyramid levels at most.
@@ -96,9 +96,13 @@ impl Architecture {
 pub struct Weights {
     /// The file's name, or "embedded".
     pub name: String,
+    /// What tells them apart from others.
+    pub id: ModelId,
     pub architecture: Architecture,
     /// The renderers that the file has a source encoder for, the default first.
     pub renderers: Vec<String>,
+    /// The renderer that was asked for, if one was.
+    pub renderer: Option<String>,
     /// The rest of the header: training data, steps, validation numbers.
     pub record: HashMap<String, String>,
     tensors: HashMap<String, ArrayD<f32>>,
@@ -146,7 +150,8 @@ impl Weights {
             tensors.insert(key.to_string(), array);
         }
         renderers::check(&tensors, &renderers).map_err(refuse)?;
-        Ok(Self { name: name.into(), architecture, renderers, record, tensors })
+        let id = ModelId::of_bytes(Path::new(name), bytes);
+        Ok(Self { name: name.into(), id, architecture, renderers, renderer: None, record, tensors })
     }
 
     /// The weights of a file, or those that this build carries, with the encoder of a renderer; None is the file's first.
@@ -162,6 +167,7 @@ impl Weights {
     pub fn for_renderer(mut self, renderer: Option<&str>) -> Result<Self> {
         let name = renderers::choose(&mut self.tensors, &self.renderers, renderer, &self.name)?;
         self.renderers = vec![name];
+        self.renderer = renderer.map(str::to_owned);
         Ok(self)
     }
 

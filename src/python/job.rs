@@ -1,165 +1,126 @@
 //! The job that keyword arguments describe, over what the shot's own settings say.
 
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyFloat, PyMapping, PyString};
+use serde_json::{Map, Number, Value};
 
-use super::settings::{check_lam, check_number, check_window};
-use crate::engine::{Engine, Settings};
-use crate::error::{Error, Result};
-use crate::io::PassNames;
+use crate::engine::Engine;
+use crate::error::Result;
 use crate::io::sequence::Sequence;
-use crate::network::weights::Weights;
-use crate::rules::lambda::Lambda;
-use crate::rules::skip::{Rule, Skip};
-use crate::settings::{Layered, Origin, ShotSettings, Sources, StageRef, gather, read_apart};
+use crate::settings::{Layered, Origin, SETTINGS, ShotQuery, StageRef, Unfit};
 use crate::shot::Job;
 
-/// A shot as Python asked for it: its job, and what the engine for it is made of.
-pub struct Asked {
-    pub job: Job,
-    model: Option<PathBuf>,
-    renderer: Option<String>,
-    engine: Settings,
-}
-
-impl Asked {
-    /// The shot that the keywords and its own settings describe. Without frames on disk an error.
-    pub fn new(options: &Bound<'_, PyDict>) -> PyResult<Self> {
-        let keywords = Keywords::new(options)?;
-        Ok(options.py().detach(|| keywords.asked(false))?)
-    }
-
-    /// As [`Asked::new`]; where no frames are on disk, the sequence is empty.
-    pub fn even_unrendered(options: &Bound<'_, PyDict>) -> PyResult<Self> {
-        let keywords = Keywords::new(options)?;
-        Ok(options.py().detach(|| keywords.asked(true))?)
-    }
-
-    /// The engine for it.
-    ///
-    /// # Errors
-    /// Weights that cannot be used, too little memory.
-    pub fn engine(&self) -> Result<Engine> {
-        Engine::from_weights(&Weights::open(self.model.as_deref(), self.renderer.as_deref())?, self.engine.clone())
-    }
-}
-
-/// The keywords in Rust's types.
-struct Keywords {
-    inputs: Vec<PathBuf>,
-    output: Option<PathBuf>,
-    given: ShotSettings,
-    file: Option<PathBuf>,
-    no_settings: bool,
-    usd: Option<StageRef>,
-    skip: Skip,
-    threads: Option<usize>,
+/// What Python's keywords say about a shot.
+pub struct Keywords {
+    query: ShotQuery,
     overwrite: bool,
     strict: bool,
 }
 
 impl Keywords {
-    fn new(options: &Bound<'_, PyDict>) -> PyResult<Self> {
-        let number = |name: &str, most: i64| -> PyResult<Option<i64>> {
-            get::<Option<i64>>(options, name)?.map(|n| check_number(name, n, 1, most)).transpose()
-        };
-        let guides: Option<Vec<String>> = get(options, "guides")?;
-        let frames: Option<String> = get(options, "frames")?;
-        let lam: Option<Vec<(f64, f64)>> = get(options, "lam")?;
+    /// Reads `inputs`, `settings`, `usd`, `overwrite`, `strict` and the settings of the table.
+    ///
+    /// # Errors
+    /// A TypeError or a ValueError that names the keyword.
+    pub fn new(options: &Bound<'_, PyDict>) -> PyResult<Self> {
         let usd: Option<String> = get(options, "usd")?;
-        let given = ShotSettings {
-            enable: get(options, "enable")?,
-            frames: frames.map(|text| text.parse()).transpose()?,
-            lambda: lam.map(lambda).transpose()?,
-            window: get::<Option<i64>>(options, "window")?.map(check_window).transpose()?,
-            layers: get(options, "layers")?,
-            view: get(options, "view")?,
-            vector_layer: get(options, "vector_layer")?,
-            aovs: get(options, "aovs")?,
-            guides: guides.map(|names| names.iter().map(|name| name.parse()).collect::<Result<_>>()).transpose()?,
-            passes: passes(get(options, "passes")?)?,
-            keep_noisy: get(options, "keep_noisy")?,
-            model: get(options, "model")?,
-            renderer: get(options, "renderer")?,
-            memory: number("memory", i64::MAX)?.map(|bytes| bytes as u64),
-            ..ShotSettings::default()
+        let (no_settings, file): (bool, Option<PathBuf>) = match options.get_item("settings")? {
+            Some(value) if value.extract::<bool>().is_ok_and(|value| !value) => (true, None),
+            _ => (false, get(options, "settings")?),
         };
-        Ok(Self {
-            inputs: get(options, "inputs")?,
-            output: get(options, "output")?,
-            given,
-            file: get(options, "settings")?,
-            no_settings: get::<Option<bool>>(options, "no_settings")?.unwrap_or(false),
-            usd: usd.map(|text| text.parse()).transpose()?,
-            skip: skip(get(options, "skip")?)?,
-            threads: number("threads", 4096)?.map(|n| n as usize),
-            overwrite: get::<Option<bool>>(options, "overwrite")?.unwrap_or(false),
-            strict: get::<Option<bool>>(options, "strict")?.unwrap_or(false),
-        })
+        let flag = |name: &str| PyResult::Ok(get::<Option<bool>>(options, name)?.unwrap_or(false));
+        let inputs: Vec<PathBuf> = get(options, "inputs")?;
+        let usd = usd.map(|text| text.parse::<StageRef>()).transpose()?;
+        let query = ShotQuery { inputs, given: given(options)?, usd, file, look_beside: !no_settings };
+        Ok(Self { query, overwrite: flag("overwrite")?, strict: flag("strict")? })
     }
 
-    fn asked(self, even_unrendered: bool) -> Result<Asked> {
-        let inputs = if self.inputs.is_empty() { vec![self.input()?] } else { self.inputs.clone() };
-        let sequence = match Sequence::find(&inputs) {
-            Err(Error::Io { source, .. }) if even_unrendered && source.kind() == std::io::ErrorKind::NotFound => {
-                Sequence::unrendered(&inputs)
-            }
-            found => found?,
-        };
-        let folder = Sequence::folder(&inputs, &sequence);
-        let settings = self.settings(folder.as_deref())?;
-        let mut job = settings.job(sequence, self.output)?;
+    /// The frames and the settings.
+    pub fn shot(&self) -> Result<(Sequence, Layered)> {
+        self.query.find()
+    }
+
+    /// The job. Without frames on disk an error.
+    pub fn job(&self) -> Result<Job> {
+        self.job_for(self.query.find()?)
+    }
+
+    /// The job and the engine for it.
+    pub fn job_and_engine(&self) -> Result<(Job, Engine)> {
+        let job = self.job()?;
+        let engine = job.settings.engine()?;
+        Ok((job, engine))
+    }
+
+    /// As [`Keywords::job`]; where no frames are on disk, the sequence is empty.
+    pub fn job_even_unrendered(&self) -> Result<Job> {
+        self.job_for(self.query.find_even_unrendered()?)
+    }
+
+    fn job_for(&self, (sequence, settings): (Sequence, Layered)) -> Result<Job> {
+        let mut job = Job { overwrite: self.overwrite, strict: self.strict, ..Job::of(&settings, sequence, None)? };
         job.notes.extend(settings.from_files());
-        let values = settings.values;
-        let engine = Settings { memory: values.memory, threads: self.threads, skip: self.skip, ..Settings::default() };
-        let job = Job { overwrite: self.overwrite, strict: self.strict, skip: self.skip, ..job };
-        Ok(Asked { job, model: values.model, renderer: values.renderer, engine })
-    }
-
-    /// The frames that the settings name.
-    fn input(&self) -> Result<PathBuf> {
-        let reason = "is missing: name the frames, or a stage or a settings file that names them";
-        let missing = || Error::BadInput { input: "inputs".into(), reason: reason.into() };
-        self.settings(None)?.values.input.ok_or_else(missing)
-    }
-
-    fn settings(&self, folder: Option<&std::path::Path>) -> Result<Layered> {
-        let look_beside = !self.no_settings;
-        let sources = Sources { usd: self.usd.clone(), file: self.file.clone(), look_beside, read_usd: &read_apart };
-        let keyword = |name: &str| Origin::Argument { name: if name == "lambda" { "lam".into() } else { name.to_owned() } };
-        Ok(Layered::new(self.given.clone(), keyword).over(gather(folder, &sources, ShotSettings::default())?))
+        Ok(job)
     }
 }
 
-/// λ from its keys (frame, value); a single value comes as one key.
-fn lambda(keys: Vec<(f64, f64)>) -> PyResult<Lambda> {
-    let keys: Vec<(f64, f32)> = keys.into_iter().map(|(frame, lam)| Ok((frame, check_lam(lam)?))).collect::<PyResult<_>>()?;
-    Ok(Lambda::keyed(keys)?)
-}
-
-fn passes(names: Option<BTreeMap<String, String>>) -> PyResult<PassNames> {
-    let mut found = PassNames::default();
-    for (pass, name) in names.unwrap_or_default() {
-        *match pass.as_str() {
-            "beauty" => &mut found.beauty,
-            "albedo" => &mut found.albedo,
-            "normal" => &mut found.normal,
-            "depth" => &mut found.depth,
-            "vector" => &mut found.vector,
-            _ => return Err(PyValueError::new_err(format!("passes: {pass:?} is none of beauty, albedo, normal, depth, vector"))),
-        } = Some(name);
+/// The settings among the keywords.
+fn given(options: &Bound<'_, PyDict>) -> PyResult<Layered> {
+    let keyword =
+        |name: &str| SETTINGS.iter().find(|s| s.name == name || s.table() == name).map_or("", |s| s.python()).to_owned();
+    let mut table = Map::new();
+    for setting in SETTINGS {
+        if let Some(value) = options.get_item(setting.python())?.filter(|value| !value.is_none()) {
+            let said = as_json(&value).map_err(|e| {
+                let reason = format!("{}: {}", setting.python(), e.value(options.py()));
+                if e.is_instance_of::<PyValueError>(options.py()) {
+                    PyValueError::new_err(reason)
+                } else {
+                    PyTypeError::new_err(reason)
+                }
+            })?;
+            table.insert(setting.table().to_owned(), said);
+        }
     }
-    Ok(found)
+    Layered::of_table(table, |name| Origin::Argument { name: keyword(name) }).map_err(|(name, value, unfit)| match unfit {
+        Unfit::Type(_) => PyTypeError::new_err(format!("{}: {unfit}, got {value}", keyword(&name))),
+        Unfit::Unknown(reason) => PyValueError::new_err(reason),
+        Unfit::Value(reason) => PyValueError::new_err(format!("{}: {reason}", keyword(&name))),
+    })
 }
 
-fn skip(rules: Option<Vec<String>>) -> PyResult<Skip> {
-    let Some(rules) = rules else { return Ok(Skip::default()) };
-    let rules: Vec<Rule> = rules.iter().map(|rule| rule.parse()).collect::<Result<_>>()?;
-    Ok(rules.into_iter().fold(Skip::NONE, |skip, rule| skip.with(rule, true)))
+/// A value as JSON: paths as texts, what can be gone through as a list, a mapping from numbers as a list of pairs.
+fn as_json(value: &Bound<'_, PyAny>) -> PyResult<Value> {
+    if let Ok(flag) = value.extract::<bool>() {
+        return Ok(flag.into());
+    }
+    if value.is_instance_of::<PyString>() {
+        return Ok(value.extract::<String>()?.into());
+    }
+    if let Ok(number) = value.extract::<i64>().map(Number::from).or_else(|_| float(value)) {
+        return Ok(number.into());
+    }
+    if let Ok(path) = value.extract::<PathBuf>() {
+        return Ok(path.to_string_lossy().into());
+    }
+    if let Ok(mapping) = value.cast::<PyMapping>() {
+        let pairs: Vec<(Bound<'_, PyAny>, Bound<'_, PyAny>)> = mapping.items()?.extract()?;
+        if let Ok(named) = pairs.iter().map(|(key, value)| Ok((key.extract()?, as_json(value)?))).collect::<PyResult<Map<_, _>>>()
+            && !named.is_empty()
+        {
+            return Ok(named.into());
+        }
+        return pairs.iter().map(|(key, value)| Ok(Value::Array(vec![as_json(key)?, as_json(value)?]))).collect();
+    }
+    value.try_iter()?.map(|item| as_json(&item?)).collect()
+}
+
+fn float(value: &Bound<'_, PyAny>) -> PyResult<Number> {
+    let number = if value.is_instance_of::<PyFloat>() { value.extract() } else { value.call_method0("__float__")?.extract() };
+    Number::from_f64(number?).ok_or_else(|| PyValueError::new_err("is no number that can be used"))
 }
 
 /// A keyword's value; one of another type is a TypeError that names it.

@@ -29,6 +29,7 @@ fn _hush(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(preview::preview_sheet, m)?)?;
     m.add_function(wrap_pyfunction!(stage_reader::read_stages_with, m)?)?;
     m.add_function(wrap_pyfunction!(sequence::inspect, m)?)?;
-    m.add_function(wrap_pyfunction!(sequence::plan_sequence, m)?)?;
+    m.add_function(wrap_pyfunction!(sequence::dry_run_sequence, m)?)?;
+    m.add_function(wrap_pyfunction!(sequence::survey_sequence, m)?)?;
     m.add_function(wrap_pyfunction!(sequence::denoise_sequence, m)?)
 }

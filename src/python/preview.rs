@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::arrays::to_numpy;
-use super::job::{Asked, get};
+use super::job::{Keywords, get};
 use super::settings::{check_lam, check_window};
 use crate::error::Error;
 use crate::preview::{Flicker, LayerPreview, Preview, Region, Request, SheetOptions, Variant, preview as make, write_sheet};
@@ -113,7 +113,7 @@ impl Calls {
 }
 
 fn made(py: Python<'_>, options: &Bound<'_, PyDict>, calls: Calls) -> PyResult<Preview> {
-    let asked = Asked::new(options)?;
+    let keywords = Keywords::new(options)?;
     let lams: Vec<f64> = get(options, "lams")?;
     let lambdas: Vec<f32> = lams.into_iter().map(check_lam).collect::<PyResult<_>>()?;
     let windows: Vec<i64> = get(options, "windows")?;
@@ -121,18 +121,17 @@ fn made(py: Python<'_>, options: &Bound<'_, PyDict>, calls: Calls) -> PyResult<P
     let region: Option<(usize, usize, usize, usize)> = get(options, "region")?;
     let region = region.map(|(x, y, width, height)| format!("{x},{y},{width},{height}").parse::<Region>()).transpose()?;
     let (frame, flicker): (i64, bool) = (get(options, "frame")?, get(options, "flicker")?);
-    let engine = py.detach(|| asked.engine())?;
-    let job = asked.job;
+    let (job, engine) = py.detach(|| keywords.job_and_engine())?;
     let request = Request {
         frame,
-        lambdas: if lambdas.is_empty() { vec![job.lambda.at(frame)] } else { lambdas },
-        windows: if windows.is_empty() { job.window.into_iter().collect() } else { windows },
+        lambdas: if lambdas.is_empty() { vec![job.lambda().at(frame)] } else { lambdas },
+        windows: if windows.is_empty() { job.settings.window.into_iter().collect() } else { windows },
         region,
         flicker,
     };
     let (made, calls) = py.detach(move || {
         calls.step(0.0);
-        let made = make((&job.sequence, &job.selection), &request, &engine, &|fraction| calls.step(fraction), &calls.token);
+        let made = make((&job.sequence, &job.selection()), &request, &engine, &|fraction| calls.step(fraction), &calls.token);
         release_memory();
         (made, calls)
     });

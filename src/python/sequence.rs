@@ -11,10 +11,10 @@ use pyo3::types::PyDict;
 use serde::Serialize;
 
 use super::errors::HushError;
-use super::job::Asked;
+use super::job::Keywords;
 use crate::engine::Engine;
 use crate::error::Result;
-use crate::shot::{self, CancelToken, Event, Job, Plan, Summary, run};
+use crate::shot::{self, CancelToken, Event, Job, Plan, Scope, Summary, run, survey};
 use crate::simd::release_memory;
 
 /// How often `cancel` and signals are looked at.
@@ -28,14 +28,27 @@ pub fn inspect(py: Python<'_>, path: PathBuf) -> PyResult<String> {
 
 /// The plan of a shot as JSON; `options` are the keywords of `denoise_sequence`.
 #[pyfunction]
-pub fn plan_sequence(py: Python<'_>, options: &Bound<'_, PyDict>) -> PyResult<String> {
-    let asked = Asked::new(options)?;
+pub fn dry_run_sequence(py: Python<'_>, options: &Bound<'_, PyDict>) -> PyResult<String> {
+    let keywords = Keywords::new(options)?;
     let plan = py.detach(|| {
         // Weights, memory and threads are refused here as they would be by the run.
-        asked.engine()?;
-        Plan::new(&asked.job)
+        let (job, _) = keywords.job_and_engine()?;
+        Plan::new(&job)
     });
     to_json(&plan?)
+}
+
+/// What is left out of a shot as JSON; `options` are the keywords of `denoise_sequence`.
+#[pyfunction]
+pub fn survey_sequence(py: Python<'_>, options: &Bound<'_, PyDict>, timing: bool) -> PyResult<String> {
+    let keywords = Keywords::new(options)?;
+    let found = py.detach(|| {
+        let (sequence, settings) = keywords.shot()?;
+        let values = &settings.values;
+        let scope = Scope::open(&sequence, &values.selection(), values.frames.as_ref(), values.window, 0)?;
+        survey(&scope, &values.engine()?, timing, &|_| (), &CancelToken::new())
+    });
+    to_json(&found?)
 }
 
 /// What is known of a shot's files from one check to the next.
@@ -51,8 +64,11 @@ impl SequenceCheck {
 
     /// How the frames stand, as JSON; `options` are the keywords of `denoise_sequence`.
     fn check(&self, py: Python<'_>, options: &Bound<'_, PyDict>) -> PyResult<String> {
-        let asked = Asked::even_unrendered(options)?;
-        let checked = py.detach(|| self.0.lock().unwrap_or_else(PoisonError::into_inner).check(&asked.job));
+        let keywords = Keywords::new(options)?;
+        let checked = py.detach(|| {
+            let job = keywords.job_even_unrendered()?;
+            self.0.lock().unwrap_or_else(PoisonError::into_inner).check(&job)
+        });
         to_json(&checked?)
     }
 }
@@ -65,10 +81,10 @@ pub fn denoise_sequence(
     progress: Option<Py<PyAny>>,
     cancel: Option<Py<PyAny>>,
 ) -> PyResult<String> {
-    let asked = Asked::new(options)?;
-    let engine = py.detach(|| asked.engine())?;
+    let keywords = Keywords::new(options)?;
+    let (job, engine) = py.detach(|| keywords.job_and_engine())?;
     let calls = Calls { progress, cancel, token: CancelToken::new(), failed: None };
-    let (summary, failed) = py.detach(move || run_beside(&asked.job, &engine, calls));
+    let (summary, failed) = py.detach(move || run_beside(&job, &engine, calls));
     failed.map_or(Ok(()), Err)?;
     to_json::<Summary>(&summary?)
 }

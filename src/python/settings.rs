@@ -1,13 +1,14 @@
-//! Settings that all parts of the module take.
+//! Settings of the functions that work on arrays, held to what the table says.
 
 use std::path::PathBuf;
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use serde_json::Value;
 
-use crate::engine::{Engine, Settings};
-use crate::network::weights::Weights;
-use crate::rules::window::{LAMBDA_RANGE, MAX_WINDOW};
+use crate::engine::Engine;
+use crate::rules::window::LAMBDA_RANGE;
+use crate::settings::ShotSettings;
 
 /// λ as the engine takes it; outside of its range a ValueError.
 pub fn check_lam(lam: f64) -> PyResult<f32> {
@@ -20,18 +21,11 @@ pub fn check_lam(lam: f64) -> PyResult<f32> {
     }
 }
 
-/// A whole number within bounds, else a ValueError that names it.
-pub fn check_number(name: &str, value: i64, least: i64, most: i64) -> PyResult<i64> {
-    match (least..=most).contains(&value) {
-        true => Ok(value),
-        false if most == i64::MAX => Err(PyValueError::new_err(format!("{name}: {value} is out of range: {least} or more"))),
-        false => Err(PyValueError::new_err(format!("{name}: {value} is out of range: {least} to {most}"))),
-    }
-}
-
 /// Frames on each side.
 pub fn check_window(window: i64) -> PyResult<usize> {
-    Ok(check_number("window", window, 0, MAX_WINDOW as i64)? as usize)
+    let mut settings = ShotSettings::default();
+    say(&mut settings, "window", window)?;
+    Ok(settings.window.unwrap_or_default())
 }
 
 /// An engine; `memory` in bytes, `renderer` one that the weights have an encoder for.
@@ -42,9 +36,14 @@ pub fn engine(
     memory: Option<i64>,
     threads: Option<i64>,
 ) -> PyResult<Engine> {
-    let memory = memory.map(|m| check_number("memory", m, 1, i64::MAX)).transpose()?.map(|m| m as u64);
-    let threads = threads.map(|t| check_number("threads", t, 1, 4096)).transpose()?.map(|t| t as usize);
-    let settings = Settings { memory, threads, ..Settings::default() };
-    let made = || Engine::from_weights(&Weights::open(model.as_deref(), renderer)?, settings);
-    Ok(py.detach(made)?)
+    let mut settings = ShotSettings { model, renderer: renderer.map(str::to_owned), ..ShotSettings::default() };
+    for (name, value) in [("memory", memory), ("threads", threads)] {
+        value.map(|value| say(&mut settings, name, value)).transpose()?;
+    }
+    Ok(py.detach(|| settings.engine())?)
+}
+
+/// Says a number; one out of range is a ValueError that names it.
+fn say(settings: &mut ShotSettings, name: &str, value: i64) -> PyResult<()> {
+    settings.set(name, Value::from(value)).map_err(|e| PyValueError::new_err(format!("{name}: {e}")))
 }

@@ -101,6 +101,11 @@ impl Skip {
     /// Nothing is left out.
     pub const NONE: Self = Self { constant: false, opaque: false, untrusted: false, still: false, repeated: false };
 
+    /// These rules and no others.
+    pub fn of(rules: &[Rule]) -> Self {
+        rules.iter().fold(Self::NONE, |skip, rule| skip.with(*rule, true))
+    }
+
     /// Whether a rule is on.
     pub fn has(&self, rule: Rule) -> bool {
         match rule {

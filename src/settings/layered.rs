@@ -5,14 +5,11 @@ use std::fmt::{self, Display, Formatter};
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 
-use super::ShotSettings;
-use super::keys::{KEYS, each_setting};
-use super::names::selected;
+use super::kind::Unfit;
+use super::table::{SETTINGS, ShotSettings};
 use crate::error::{Error, Result};
-use crate::io::Selection;
-use crate::io::sequence::Sequence;
-use crate::shot::{Job, ModelId};
 
 /// Where a value came from.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -29,8 +26,8 @@ pub enum Origin {
         /// Name of the attribute.
         attribute: String,
     },
-    /// `hush.toml`, `hush.json` or another file of their kind.
-    SideFile {
+    /// `hush.toml` or another file of its kind.
+    SettingsFile {
         /// The file.
         file: PathBuf,
         /// The key.
@@ -53,7 +50,7 @@ impl Display for Origin {
         match self {
             Self::Default => f.write_str("default"),
             Self::Usd { file, prim, attribute } => write!(f, "{} <{prim}.{attribute}>", file.display()),
-            Self::SideFile { file, key } => write!(f, "{}, {key}", file.display()),
+            Self::SettingsFile { file, key } => write!(f, "{}, {key}", file.display()),
             Self::CommandLine { option } => write!(f, "{option}"),
             Self::Argument { name } => write!(f, "{name}"),
         }
@@ -71,67 +68,67 @@ pub struct Layered {
     pub notes: Vec<String>,
 }
 
-macro_rules! said {
-    ($($name:literal => $($field:ident).+),+) => {
-        /// Names of the settings that have a value.
-        fn names_said(values: &ShotSettings) -> Vec<&'static str> {
-            let mut names = Vec::new();
-            $(if values.$($field).+.is_some() { names.push($name); })+
-            names
-        }
+impl Layered {
+    /// Settings of one source; `origin` tells that of a setting by its name.
+    pub fn new(values: ShotSettings, origin: impl Fn(&str) -> Origin) -> Self {
+        let origins = values.said().map(|(setting, _)| (setting.name.to_owned(), origin(setting.name))).collect();
+        Self { values, origins, notes: Vec::new() }
+    }
 
-        /// Moves every value of `stronger` into `values`.
-        fn move_over(values: &mut ShotSettings, stronger: ShotSettings) {
-            $(if stronger.$($field).+.is_some() { values.$($field).+ = stronger.$($field).+; })+
-        }
-
-        /// The value of a setting as JSON; null where nothing was said.
-        fn json_of(values: &ShotSettings, name: &str) -> serde_json::Value {
-            match name {
-                $($name => serde_json::to_value(&values.$($field).+).unwrap_or_default(),)+
-                _ => serde_json::Value::Null,
+    /// Settings of one table such as `hush.toml`, in which `passes` is a table of its own.
+    ///
+    /// # Errors
+    /// The key that is wrong, its value and why.
+    pub(crate) fn of_table(
+        table: Map<String, Value>,
+        origin: impl Fn(&str) -> Origin,
+    ) -> std::result::Result<Self, (String, Value, Unfit)> {
+        let mut values = ShotSettings::default();
+        for (key, value) in table {
+            let inner = match value {
+                Value::Object(inner) if key == "passes" => {
+                    inner.into_iter().map(|(name, value)| (format!("{key}.{name}"), value)).collect()
+                }
+                value if key == "passes" => {
+                    let expected = "a table of names: write passes.beauty = \"…\"";
+                    return Err((key, value, Unfit::Type(expected.into())));
+                }
+                value => vec![(key, value)],
+            };
+            for (name, value) in inner {
+                let shown = value.clone();
+                let no_value = || Unfit::Value("no value that can be used: leave the key out, or give it one".into());
+                let said = if value.is_null() { Err(no_value()) } else { values.set(&name, value) };
+                said.map_err(|unfit| (name, shown, unfit))?;
             }
         }
-    };
-}
-each_setting!(said);
-
-impl Layered {
-    /// Settings of one source.
-    pub fn new(values: ShotSettings, origin: impl Fn(&str) -> Origin) -> Self {
-        let origins = names_said(&values).into_iter().map(|name| (name.to_owned(), origin(name))).collect();
-        Self { values, origins, notes: Vec::new() }
+        Ok(Self::new(values, origin))
     }
 
     /// These settings, and those of `weaker` where these say nothing.
     pub fn over(self, weaker: Self) -> Self {
         let mut all = weaker;
-        move_over(&mut all.values, self.values);
+        all.values.take(self.values);
         all.origins.extend(self.origins);
         all.notes.extend(self.notes);
         all
     }
 
-    /// Where a setting's value came from, by its name of [`KEYS`].
+    /// Where a setting's value came from, by its name.
     pub fn origin(&self, name: &str) -> &Origin {
         self.origins.get(name).unwrap_or(&Origin::Default)
     }
 
-    /// A setting's value as JSON, null for the default.
-    pub fn value(&self, name: &str) -> serde_json::Value {
-        json_of(&self.values, name)
-    }
-
-    /// Names of the settings that some source gave, in the order of [`KEYS`].
+    /// Names of the settings that some source gave, in the order of [`SETTINGS`].
     pub fn given(&self) -> impl Iterator<Item = &'static str> + '_ {
-        KEYS.iter().map(|k| k.name).filter(|name| self.origins.contains_key(*name))
+        SETTINGS.iter().map(|s| s.name).filter(|name| self.origins.contains_key(*name))
     }
 
     /// The files that said something.
     pub fn files(&self) -> Vec<PathBuf> {
         let mut files: Vec<PathBuf> = Vec::new();
         for origin in self.origins.values() {
-            if let Origin::Usd { file, .. } | Origin::SideFile { file, .. } = origin
+            if let Origin::Usd { file, .. } | Origin::SettingsFile { file, .. } = origin
                 && !files.contains(file)
             {
                 files.push(file.clone());
@@ -144,7 +141,7 @@ impl Layered {
     pub fn from_files(&self) -> Vec<String> {
         let names = |file: &PathBuf| {
             let from_it = |name: &&str| match self.origin(name) {
-                Origin::Usd { file: f, .. } | Origin::SideFile { file: f, .. } => f == file,
+                Origin::Usd { file: f, .. } | Origin::SettingsFile { file: f, .. } => f == file,
                 _ => false,
             };
             self.given().filter(from_it).collect::<Vec<_>>().join(", ")
@@ -160,39 +157,6 @@ impl Layered {
         let reason = "no folder to write to is known: set output to DIR, or write it into hush.toml";
         self.values.output.clone().ok_or_else(|| Error::BadSetting { name: "output", reason: reason.into() })
     }
-
-    /// The job for a sequence. `output` is where to write, whatever the sources say.
-    ///
-    /// # Errors
-    /// [`Error::SwitchedOff`] where the shot is not to be denoised; [`Error::BadSetting`] without an output folder; the weights
-    /// file cannot be read.
-    pub fn job(&self, sequence: Sequence, output: Option<PathBuf>) -> Result<Job> {
-        let values = &self.values;
-        if values.enable == Some(false) {
-            return Err(Error::SwitchedOff { by: self.origin("enable").to_string() });
-        }
-        let output = output.map_or_else(|| self.output(), Ok)?;
-        let selection = Selection {
-            layers: values.layers.clone().unwrap_or_default(),
-            view: values.view.clone(),
-            vector_layer: values.vector_layer.clone(),
-            guides: selected(values.guides.as_deref()),
-            aovs: values.aovs.clone().unwrap_or_default(),
-            passes: values.passes.clone(),
-            ..Selection::default()
-        };
-        Ok(Job {
-            frames: values.frames.clone(),
-            lambda: values.lambda.clone().unwrap_or_default(),
-            window: values.window,
-            selection,
-            keep_noisy: values.keep_noisy.unwrap_or_default(),
-            model: values.model.as_deref().map_or(Ok(ModelId::embedded()), ModelId::of_file)?,
-            renderer: values.renderer.clone(),
-            notes: self.notes.clone(),
-            ..Job::new(sequence, output)
-        })
-    }
 }
 
 #[cfg(test)]
@@ -206,37 +170,18 @@ mod tests {
 
     #[test]
     fn later_sources_win_setting_by_setting() {
-        let weak = layered(r#"{"lambda": 4, "window": 1, "passes": {"beauty": "C", "normal": "N"}}"#, "weak");
-        let strong = layered(r#"{"lambda": [[1, 1], [9, 8]], "aovs": "none", "passes": {"beauty": "Ci"}}"#, "strong");
+        let weak = layered(r#"{"lambda": 4, "window": 1, "passes.beauty": "C", "passes.normal": "N"}"#, "weak");
+        let strong = layered(r#"{"lambda": [[1, 1], [9, 8]], "aovs": "none", "passes.beauty": "Ci"}"#, "strong");
         let all = strong.over(weak);
         assert_eq!(all.values.lambda.as_ref().unwrap().at(9), 8.0);
         assert_eq!((all.values.window, all.values.aovs.as_deref()), (Some(1), Some([].as_slice())));
-        assert_eq!(all.values.passes.beauty.as_deref(), Some("Ci"));
-        assert_eq!(all.values.passes.normal.as_deref(), Some("N"));
+        assert_eq!(all.values.passes_beauty.as_deref(), Some("Ci"));
+        assert_eq!(all.values.passes_normal.as_deref(), Some("N"));
         assert_eq!(all.origin("lambda").to_string(), "strong lambda");
         assert_eq!(all.origin("passes.normal").to_string(), "weak passes.normal");
         assert_eq!(*all.origin("view"), Origin::Default);
         assert_eq!(all.given().collect::<Vec<_>>(), ["lambda", "window", "aovs", "passes.beauty", "passes.normal"]);
         let back: Layered = serde_json::from_str(&serde_json::to_string(&all).unwrap()).unwrap();
         assert_eq!(back, all);
-    }
-
-    #[test]
-    fn every_key_is_a_field_and_every_field_a_key() {
-        let full = r#"{"enable": true, "input": "a", "output": "b", "frames": "1-2", "lambda": 2, "window": 1, "layers": ["A"],
-            "view": "left", "vector_layer": "V", "aovs": "all", "guides": "albedo", "keep_noisy": true, "model": "m", "renderer": "r", "memory": "4G",
-            "passes": {"beauty": "a", "albedo": "b", "normal": "c", "depth": "d", "vector": "e"}}"#;
-        let all = layered(full, "");
-        assert_eq!(all.given().collect::<Vec<_>>(), KEYS.map(|k| k.name));
-        assert!(KEYS.iter().all(|k| !all.value(k.name).is_null()));
-    }
-
-    #[test]
-    fn a_shot_switched_off_is_no_job() {
-        let sequence = Sequence { name: "f".into(), frames: Vec::new(), ignored: Vec::new(), named: None };
-        let off = layered(r#"{"enable": false, "output": "out"}"#, "x").job(sequence.clone(), None);
-        assert!(matches!(off, Err(Error::SwitchedOff { by }) if by == "x enable"));
-        let nowhere = layered("{}", "x").job(sequence, None).unwrap_err().to_string();
-        assert!(nowhere.contains("set output to") && nowhere.contains("hush.toml"), "{nowhere}");
     }
 }

@@ -1,7 +1,5 @@
 //! Sizes in bytes as people write them: `4G`, `512M`, `1.5GiB`.
 
-use serde::{Deserialize, Deserializer};
-
 /// Parses a size; units are powers of 1024.
 ///
 /// # Errors
@@ -21,22 +19,6 @@ pub fn parse_size(text: &str) -> Result<u64, String> {
     };
     let bytes = number.parse::<f64>().map_err(|_| advice())? * 1024f64.powi(power);
     if (1.0..1e18).contains(&bytes) { Ok(bytes as u64) } else { Err(advice()) }
-}
-
-/// A number of bytes, or a text.
-#[derive(Deserialize)]
-#[serde(untagged, expecting = "expected a size such as \"4G\"")]
-enum Written {
-    Bytes(u64),
-    Text(String),
-}
-
-pub(super) fn bytes<'de, D: Deserializer<'de>>(from: D) -> Result<Option<u64>, D::Error> {
-    let text = match Written::deserialize(from)? {
-        Written::Bytes(bytes) => bytes.to_string(),
-        Written::Text(text) => text,
-    };
-    parse_size(&text).map(Some).map_err(serde::de::Error::custom)
 }
 
 #[cfg(test)]

@@ -9,7 +9,8 @@ use serde::Serialize;
 use super::currency::{Stale, StaleKind, Wanted, why_stale};
 use super::events::Status;
 use super::file_state::FileMemory;
-use super::job::{FrameSettings, Job};
+use super::frame_settings::FrameSettings;
+use super::job::Job;
 use super::ledger::Ledger;
 use super::manifest::{Entry, Manifest};
 use super::output::{check_output, output_path};
@@ -98,6 +99,7 @@ impl SequenceCheck {
     /// A setting out of range, an output folder that holds the inputs, a manifest that cannot be read.
     pub fn check(&mut self, job: &Job) -> Result<Checked> {
         check_output(job)?;
+        let identity = job.settings.identity()?;
         let Self { ledgers, files } = self;
         let manifest = ledgers.entry(job.output.clone()).or_insert_with(|| Ledger::new(&job.output)).read()?;
         let recorded = recorded(job, manifest);
@@ -106,7 +108,7 @@ impl SequenceCheck {
         let reach = job.reach()?;
         let (sources, _) = open_sources(job, &numbers, |n| is_near(&targets, n, reach), files);
         let headers: Vec<Header> = targets.iter().filter_map(|t| sources.good.get(t)).map(|s| s.header.clone()).collect();
-        let settings = resolve_window(job, &sources, &headers, reach).and_then(|window| job.settings(window, 0));
+        let settings = resolve_window(job, &sources, &headers, reach).and_then(|window| job.frame_settings(window, 0, &identity));
         let mut look = Look { job, manifest, sources: &sources, settings: settings.as_ref(), files };
         let mut checked = Checked::default();
         for number in targets {
@@ -180,11 +182,11 @@ impl Look<'_> {
         }
         let settings = match self.settings {
             Ok(settings) => FrameSettings {
-                lambda: self.job.lambda.at(number),
+                lambda: self.job.lambda().at(number),
                 window: self.window_of(number, entry, settings.window),
                 ..settings.clone()
             },
-            Err(error) => return Some(Stale::new(StaleKind::Window, error.to_string())),
+            Err(error) => return Some(Stale::new(StaleKind::Setting("window"), error.to_string())),
         };
         let window = neighbours(number, settings.window, |n| self.sources.known(n));
         let wanted = Wanted { sequence: &self.job.sequence, settings: &settings, window: &window };
@@ -196,7 +198,7 @@ impl Look<'_> {
         let vector = self.sources.good.get(&number).is_some_and(|source| source.header.vector);
         let then = self.manifest.settings.get(&entry.settings).map(|settings| settings.window);
         let same = then.filter(|then| *then == 0 || *then == DEFAULT_WINDOW);
-        if self.job.window.is_none() && !vector { same.unwrap_or(window) } else { window }
+        if self.job.settings.window.is_none() && !vector { same.unwrap_or(window) } else { window }
     }
 }
 
@@ -210,7 +212,7 @@ fn why_missing(entry: Option<&Entry>, damaged: Option<String>) -> Option<Stale> 
 
 /// The frames to look at, ascending.
 fn targets(job: &Job, numbers: &[i64], recorded: &BTreeMap<i64, (PathBuf, &Entry)>) -> Result<Vec<i64>> {
-    let mut targets: Vec<i64> = match &job.frames {
+    let mut targets: Vec<i64> = match &job.settings.frames {
         Some(frames) if frames.count() > MOST => {
             let reason = format!("are more than {MOST}: name those that the shot has");
             return Err(Error::BadSetting { name: "frames", reason });

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::events::Status;
 use super::file_state::FileMemory;
-use super::job::{Change, FrameSettings};
+use super::frame_settings::{Change, FrameSettings};
 use super::manifest::{Entry, Manifest};
 use crate::io::sequence::Sequence;
 use crate::rules::window::Neighbour;
@@ -16,30 +16,6 @@ use crate::rules::window::Neighbour;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StaleKind {
-    /// The dial.
-    Lambda,
-    /// The window, or whether there are motion vectors for one.
-    Window,
-    /// The view layers.
-    Layers,
-    /// The stereo view.
-    View,
-    /// The view layer that the vectors come from.
-    VectorLayer,
-    /// The guides that may be used.
-    Guides,
-    /// The names of the passes.
-    Passes,
-    /// The light passes.
-    Aovs,
-    /// Whether the input is kept.
-    KeepNoisy,
-    /// The rules by which work is left out.
-    Skip,
-    /// The weights.
-    Model,
-    /// The renderer.
-    Renderer,
     /// More than one setting.
     Several,
     /// The rendered frame is another one.
@@ -60,6 +36,9 @@ pub enum StaleKind {
     Failed,
     /// Hush did not write it.
     Foreign,
+    /// A setting, by its name or its table's.
+    #[serde(untagged)]
+    Setting(&'static str),
 }
 
 /// Why a denoised frame is not current.
@@ -102,8 +81,9 @@ pub(super) fn why_stale(
         Status::Failed => return stale(StaleKind::Failed, "it failed before"),
         Status::Denoised | Status::Skipped => {}
     }
-    if entry.settings != wanted.settings.key() {
-        return Some(settings_changed(manifest.settings.get(&entry.settings), wanted.settings));
+    let then = manifest.settings.get(&entry.settings);
+    if then != Some(wanted.settings) {
+        return Some(settings_changed(then, wanted.settings));
     }
     let path = wanted.sequence.path(entry.frame);
     if entry.stamp.is_none() || !files.is_same(path, entry.stamp) {
@@ -137,7 +117,7 @@ fn settings_changed(old: Option<&FrameSettings>, new: &FrameSettings) -> Stale {
     let changes = old.map(|old| new.changes_since(old)).unwrap_or_default();
     match changes.as_slice() {
         [] => Stale::new(StaleKind::Several, "the settings changed"),
-        [one] => Stale::new(one.kind, one.to_string()),
+        [one] => Stale::new(StaleKind::Setting(one.setting.table()), one.to_string()),
         some => Stale::new(StaleKind::Several, some.iter().map(Change::to_string).collect::<Vec<_>>().join(", ")),
     }
 }

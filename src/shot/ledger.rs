@@ -100,7 +100,8 @@ mod tests {
 
     fn entry(frame: i64) -> (Manifest, FrameSettings) {
         let sequence = crate::io::sequence::Sequence { name: "a".into(), frames: Vec::new(), ignored: Vec::new(), named: None };
-        let settings = Job::new(sequence, "out").settings(2, frame).unwrap();
+        let job = Job::new(sequence, "out");
+        let settings = job.frame_settings(2, frame, &job.settings.identity().unwrap()).unwrap();
         let mut manifest = Manifest::default();
         let key = manifest.settings_key(&settings);
         let entry = Entry {

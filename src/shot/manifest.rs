@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::events::Status;
 use super::file_state::FileState;
-use super::job::FrameSettings;
+use super::frame_settings::FrameSettings;
 use crate::error::{Error, Result};
 use crate::rules::skip::LeftOut;
 use crate::rules::window::Unused;

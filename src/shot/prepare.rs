@@ -8,11 +8,13 @@ use serde::Serialize;
 use super::currency::{Wanted, same_input, why_stale};
 use super::events::Status;
 use super::file_state::{FileMemory, FileState, Stamp};
-use super::job::{FrameSettings, Job};
+use super::frame_settings::FrameSettings;
+use super::job::Job;
 use super::ledger::Ledger;
 use super::manifest::{Entry, MANIFEST, Manifest, NeighbourEntry};
 use super::output::{check_output, output_path};
 use super::source::Source;
+use crate::engine::Identity;
 use crate::error::{Error, Result};
 use crate::io::sequence::spans;
 use crate::rules::checks::{self, Header, Warning, WarningKind};
@@ -100,11 +102,11 @@ impl Plan {
     /// A setting out of range, an output folder that holds the inputs or foreign files of the same names, no usable frame, a
     /// window asked for without a Vector pass; with `strict` any missing or bad frame and a changing resolution.
     pub fn new(job: &Job) -> Result<Self> {
-        Self::with(job, &mut Ledger::new(&job.output))
+        Self::with(job, &job.settings.identity()?, &mut Ledger::new(&job.output))
     }
 
-    /// As [`Plan::new`], with a manifest that may have been read before.
-    pub(super) fn with(job: &Job, ledger: &mut Ledger) -> Result<Self> {
+    /// As [`Plan::new`], for an engine, with a manifest that may have been read before.
+    pub(super) fn with(job: &Job, engine: &Identity, ledger: &mut Ledger) -> Result<Self> {
         check_output(job)?;
         let mut files = FileMemory::default();
         let reach = job.reach()?;
@@ -122,9 +124,9 @@ impl Plan {
         }
         let headers: Vec<Header> = targets.iter().filter_map(|t| sources.good.get(t)).map(|s| s.header.clone()).collect();
         let window = resolve_window(job, &sources, &headers, reach)?;
-        let settings = job.settings(window, targets.first().copied().unwrap_or_default())?;
+        let settings = job.frame_settings(window, targets.first().copied().unwrap_or_default(), engine)?;
         let step = checks::frame_step(&numbers);
-        let gaps = match &job.frames {
+        let gaps = match &job.settings.frames {
             Some(asked) => asked.missing(&numbers),
             None if job.sequence.named.is_some() => Vec::new(),
             None => FrameSet::every(step, &numbers).missing(&numbers),
@@ -141,7 +143,7 @@ impl Plan {
         let entry = |f: &PlannedFrame| manifest.entry(&f.output).map(|e| (f.frame, e.clone()));
         let before = frames.iter().filter_map(entry).collect();
         warnings.extend(redone_warnings(&frames));
-        let missing = if job.frames.is_some() { gaps } else { Vec::new() };
+        let missing = if job.settings.frames.is_some() { gaps } else { Vec::new() };
         Ok(Self { settings, frames, warnings, missing, sources, before })
     }
 
@@ -208,9 +210,10 @@ pub(super) fn open_sources(
     let ends = job.whole.map(|w| (w.first, w.last)).or(numbers.first().copied().zip(numbers.last().copied()));
     let mut sources = Sources { ends, good: BTreeMap::new(), bad: BTreeMap::new(), stamps: BTreeMap::new() };
     let mut first_error = None;
+    let selection = job.selection();
     for frame in job.sequence.frames.iter().filter(|f| near(f.number)) {
         sources.stamps.insert(frame.number, Stamp::of(&frame.path));
-        match files.layout(&frame.path).and_then(|layout| Source::new(frame.number, layout, &job.selection)) {
+        match files.layout(&frame.path).and_then(|layout| Source::new(frame.number, layout, &selection)) {
             Ok(source) => _ = sources.good.insert(frame.number, source),
             Err(error) => {
                 sources.bad.insert(frame.number, error.to_string());
@@ -224,7 +227,7 @@ pub(super) fn open_sources(
 /// The window: what was asked for, which then needs vectors; else what the vectors allow.
 pub(super) fn resolve_window(job: &Job, sources: &Sources, headers: &[Header], reach: usize) -> Result<usize> {
     let without = headers.iter().find(|h| !h.vector);
-    match (job.window, without) {
+    match (job.settings.window, without) {
         (Some(window), Some(h)) if window > 0 => {
             let path = sources.good.get(&h.number).map(|s| s.path.clone()).unwrap_or_default();
             Err(Error::MissingPass { path, pass: checks::VECTOR.into(), advice: checks::vector_advice(h) })
@@ -238,7 +241,7 @@ pub(super) fn resolve_window(job: &Job, sources: &Sources, headers: &[Header], r
 }
 
 fn header_warnings(job: &Job, headers: &[Header], gaps: &[(i64, i64)]) -> Result<Vec<Warning>> {
-    let odd = job.lambda.note().into_iter().chain(job.notes.iter().cloned());
+    let odd = job.lambda().note().into_iter().chain(job.notes.iter().cloned());
     let mut warnings: Vec<Warning> = odd.map(|n| Warning::new(WarningKind::Setting, n)).collect();
     for warning in [checks::missing_frames(gaps), checks::resolution(headers)].into_iter().flatten() {
         if job.strict {
@@ -246,7 +249,7 @@ fn header_warnings(job: &Job, headers: &[Header], gaps: &[(i64, i64)]) -> Result
         }
         warnings.push(warning);
     }
-    let vectors_wanted = job.selection.guides.vector && job.window != Some(0);
+    let vectors_wanted = job.vectors() && job.settings.window != Some(0);
     warnings.extend(vectors_wanted.then(|| checks::no_vector(headers)).flatten());
     warnings.extend(checks::noisy_image(headers));
     warnings.extend(checks::maybe_denoised(headers));
@@ -271,10 +274,11 @@ fn plan_frames(
     let mut frames = Vec::with_capacity(targets.len());
     let mut foreign: Vec<PathBuf> = Vec::new();
     let mut worse: Vec<(i64, String)> = Vec::new();
+    let lambda = job.lambda();
     for &number in targets {
         let Some(source) = job.sequence.path(number) else { continue };
         let output = output_path(job, source);
-        let settings = &FrameSettings { lambda: job.lambda.at(number), ..settings.clone() };
+        let settings = &FrameSettings { lambda: lambda.at(number), ..settings.clone() };
         let window = neighbours(number, settings.window, |n| sources.known(n));
         let entry = manifest.entry(&output);
         let action = match sources.bad.get(&number) {
@@ -322,14 +326,14 @@ fn plan_frames(
 
 /// Why a frame that is there is better than the one that would take its place; only what was not asked for counts.
 fn why_worse(job: &Job, entry: &Entry, manifest: &Manifest, vectors: Option<&str>, window: &[Neighbour]) -> Option<String> {
-    if job.window.is_some() || !job.selection.guides.vector || !matches!(entry.status, Status::Denoised | Status::Skipped) {
+    if job.settings.window.is_some() || !job.vectors() || !matches!(entry.status, Status::Denoised | Status::Skipped) {
         return None;
     }
     let old = manifest.settings.get(&entry.settings)?;
     if !entry.neighbours.iter().any(|n| n.used) {
         return None;
     }
-    let lost = old.vector_layer.as_deref().filter(|layer| job.selection.vector_layer.is_none() && Some(*layer) != vectors);
+    let lost = old.vector_layer().filter(|layer| job.settings.vector_layer.is_none() && Some(*layer) != vectors);
     if let Some(layer) = lost {
         return Some(format!(
             "they have the motion vectors of view layer {layer}, which is not named any more: set vector layer to '{layer}', or set \

@@ -10,13 +10,13 @@ use super::cancel::CancelToken;
 use super::events::{Event, Status, Summary};
 use super::file_state::FileState;
 use super::job::Job;
-use super::kept::{Kept, Slot};
 use super::ledger::Ledger;
 use super::manifest::Manifest;
 use super::output::prepare_folder;
 use super::prepare::{Action, Plan, PlannedFrame, is_degraded, missing_text};
 use super::progress::FrameProgress;
 use super::threads::{Decoded, Work, Written, decode, ends_the_run, write};
+use super::window_cache::{Slot, WindowCache};
 use crate::engine::{Denoised, EncodedFrame, Engine, Listener};
 use crate::error::{Error, Result};
 use crate::rules::skip::LeftOut;
@@ -40,14 +40,14 @@ pub fn run(job: &Job, engine: &Engine, report: &dyn Fn(Event<'_>), cancel: &Canc
 /// of frames is kept from run to run, and the manifests.
 pub struct Runner<'e> {
     engine: &'e Engine,
-    kept: Kept,
+    cache: WindowCache,
     ledgers: BTreeMap<PathBuf, Ledger>,
 }
 
 impl<'e> Runner<'e> {
     /// A runner that has nothing yet.
     pub fn new(engine: &'e Engine) -> Self {
-        Self { engine, kept: Kept::default(), ledgers: BTreeMap::new() }
+        Self { engine, cache: WindowCache::default(), ledgers: BTreeMap::new() }
     }
 
     /// The manifest of an output folder.
@@ -61,12 +61,12 @@ impl<'e> Runner<'e> {
     /// As [`run`].
     pub fn run(&mut self, job: &Job, report: &dyn Fn(Event<'_>), cancel: &CancelToken) -> Result<Summary> {
         let began = Instant::now();
-        let Self { engine, kept, ledgers } = self;
+        let Self { engine, cache, ledgers } = self;
         let ledger = ledgers.entry(job.output.clone()).or_insert_with(|| Ledger::new(&job.output));
-        let plan = Plan::with(job, ledger)?;
+        let plan = Plan::with(job, engine.identity(), ledger)?;
         prepare_folder(&job.output)?;
-        kept.prepare(&sequence_key(job), &plan);
-        let mut run = Run::new(job, &plan, report, kept, ledger);
+        cache.prepare(&sequence_key(job), &plan);
+        let mut run = Run::new(job, &plan, report, cache, ledger);
         run.start();
         run.save()?;
         run.denoise_all(engine, cancel);
@@ -85,7 +85,7 @@ struct Run<'a> {
     job: &'a Job,
     plan: &'a Plan,
     report: &'a dyn Fn(Event<'_>),
-    kept: &'a mut Kept,
+    cache: &'a mut WindowCache,
     ledger: &'a mut Ledger,
     /// The frames of this run.
     manifest: Manifest,
@@ -99,11 +99,17 @@ struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    fn new(job: &'a Job, plan: &'a Plan, report: &'a dyn Fn(Event<'_>), kept: &'a mut Kept, ledger: &'a mut Ledger) -> Self {
+    fn new(
+        job: &'a Job,
+        plan: &'a Plan,
+        report: &'a dyn Fn(Event<'_>),
+        cache: &'a mut WindowCache,
+        ledger: &'a mut Ledger,
+    ) -> Self {
         let summary = Summary { frames: plan.frames.len(), missing: missing_text(plan), ..Summary::default() };
         let (bad, notes) = (BTreeMap::new(), BTreeMap::new());
         let manifest = Manifest::default();
-        Self { job, plan, report, kept, ledger, manifest, summary, bad, notes, finished: 0, saved: Instant::now() }
+        Self { job, plan, report, cache, ledger, manifest, summary, bad, notes, finished: 0, saved: Instant::now() }
     }
 
     /// Says what the plan says, and settles the frames that need no work.
@@ -140,10 +146,10 @@ impl<'a> Run<'a> {
 
     fn denoise_all(&mut self, engine: &Engine, cancel: &CancelToken) {
         let plan = self.plan;
-        let order = decode_order(&plan.frames, &self.kept.ring);
+        let order = decode_order(&plan.frames, &self.cache.ring);
         let left = order.clone();
         let ahead = usize::from(plan.sources.good.values().map(|s| s.bytes()).max().unwrap_or(0) <= BIG_FRAME);
-        let keep_noisy = self.job.keep_noisy;
+        let keep_noisy = self.job.settings.keep_noisy.unwrap_or_default();
         thread::scope(|scope| {
             let (decoded_in, decoded) = sync_channel(ahead);
             let (work, work_out) = sync_channel(0);
@@ -175,7 +181,7 @@ impl<'a> Run<'a> {
             if self.must_end(cancel, written) {
                 return;
             }
-            self.kept.ring.retain(|n, _| *n >= target.frame - radius);
+            self.cache.ring.retain(|n, _| *n >= target.frame - radius);
             (self.report)(Event::Working { frame: target.frame });
             let reads = left.clone().take_while(|n| *n <= target.frame + radius).count();
             let mut progress = FrameProgress::new(self.report, target.frame, reads);
@@ -191,7 +197,7 @@ impl<'a> Run<'a> {
             if self.has_stopped(written) {
                 return;
             }
-            let Some(centre) = self.kept.ring.get(&target.frame) else {
+            let Some(centre) = self.cache.ring.get(&target.frame) else {
                 let reason = self.bad.get(&target.frame).cloned().unwrap_or_else(|| "could not be read".into());
                 self.finish(index, Status::Failed, Some(reason), 0.0);
                 continue;
@@ -203,7 +209,7 @@ impl<'a> Run<'a> {
             });
             let used = window.iter().filter(|n| n.unused.is_none());
             let around: Vec<(i32, &Slot)> =
-                used.filter_map(|n| self.kept.ring.get(&n.number).map(|slot| (n.offset, slot))).collect();
+                used.filter_map(|n| self.cache.ring.get(&n.number).map(|slot| (n.offset, slot))).collect();
             let result = progress.follow(|listener| denoise_views(engine, centre, &around, target.lambda, listener));
             let seconds = centre.seconds + began.elapsed().as_secs_f64();
             self.note_window(target, &window);
@@ -217,7 +223,7 @@ impl<'a> Run<'a> {
                 Err(error) => self.fail(index, error, seconds),
             }
         }
-        if let Some(warning) = self.kept.pixels.finish() {
+        if let Some(warning) = self.cache.pixels.finish() {
             (self.report)(Event::Warning(&warning));
         }
     }
@@ -238,7 +244,7 @@ impl<'a> Run<'a> {
         let Decoded { number, frame, content } = decoded;
         let began = Instant::now();
         let encoded = frame.and_then(|(views, glance)| {
-            let seen = self.kept.pixels.look(number, glance);
+            let seen = self.cache.pixels.look(number, glance);
             self.notes.entry(number).or_default().extend(seen.note);
             if let Some(warning) = seen.warning {
                 (self.report)(Event::Warning(&warning));
@@ -248,7 +254,7 @@ impl<'a> Run<'a> {
         match encoded {
             Ok(encoded) => {
                 let slot = Slot::new(self.plan, number, encoded, began.elapsed().as_secs_f64(), content);
-                self.kept.ring.insert(number, slot);
+                self.cache.ring.insert(number, slot);
             }
             Err(error) => {
                 self.bad.insert(number, error.to_string());
@@ -263,7 +269,7 @@ impl<'a> Run<'a> {
     /// Puts the window that a frame really had into the manifest.
     fn note_window(&mut self, target: &PlannedFrame, window: &[Neighbour]) {
         let mut neighbours = self.plan.neighbour_entries(window);
-        let content = |frame: i64| self.kept.ring.get(&frame).and_then(|slot| slot.content);
+        let content = |frame: i64| self.cache.ring.get(&frame).and_then(|slot| slot.content);
         for neighbour in &mut neighbours {
             let content = content(neighbour.frame);
             neighbour.stamp = neighbour.stamp.map(|state| FileState { content, ..state });

@@ -72,8 +72,9 @@ pub(super) fn write(plan: &Plan, keep_noisy: bool, engine: &Engine, from: &Recei
 
 /// The attribute `hush` of an output.
 fn made_by(plan: &Plan, frame: &PlannedFrame) -> String {
-    let (window, model) = (plan.settings.window, &plan.settings.model.name);
-    let renderer = plan.settings.renderer.as_ref().map_or(String::new(), |name| format!(", renderer {name}"));
+    let (window, engine) = (plan.settings.window, &plan.settings.engine);
+    let model = &engine.model.name;
+    let renderer = engine.renderer.as_ref().map_or(String::new(), |name| format!(", renderer {name}"));
     format!("hush {}, lambda {}, window {window}, model {model}{renderer}", env!("CARGO_PKG_VERSION"), frame.lambda)
 }
 

@@ -7,6 +7,7 @@ use std::time::Duration;
 use super::Options;
 use super::ready::{Frames, Look, Made, Rules};
 use super::tree::{Place, ShotKey, Tree};
+use crate::engine::Identity;
 use crate::error::{Error, Result};
 use crate::io::is_complete;
 use crate::io::sequence::{Sequence, SequenceFrame};
@@ -25,6 +26,8 @@ pub(super) struct Shot {
     pub rules: Rules,
     /// The settings; its sequence is empty.
     job: Job,
+    /// The engine's that makes its frames.
+    engine: Identity,
     /// The width of the numbers in the files' names.
     digits: BTreeMap<i64, usize>,
     /// Kinds of warnings that were told.
@@ -52,9 +55,9 @@ impl Shot {
         job.sequence.frames.clear();
         (job.overwrite, job.strict) = (false, false);
         let rules = Rules {
-            window: job.window,
-            vectors: job.selection.guides.vector,
-            frames: job.frames.clone(),
+            window: job.settings.window,
+            vectors: job.vectors(),
+            frames: job.settings.frames.clone(),
             settle: options.settle,
             redo: options.redo,
             quiet: options.poll.unwrap_or(QUIET),
@@ -65,6 +68,7 @@ impl Shot {
             key,
             frames: Frames::default(),
             rules,
+            engine: job.settings.identity()?,
             job,
             digits: BTreeMap::new(),
             told: BTreeSet::new(),
@@ -117,7 +121,7 @@ impl Shot {
             self.gone(number);
             return false;
         };
-        let vector = is_complete(&path).and_then(|()| match has_vector(&path, &self.job.selection) {
+        let vector = is_complete(&path).and_then(|()| match has_vector(&path, &self.job.selection()) {
             // The run will say what is missing.
             Err(Error::MissingPass { .. } | Error::BadSetting { .. }) => Ok(false),
             other => other,
@@ -165,8 +169,9 @@ impl Shot {
 
     /// How the manifest says that a frame was made; none where it was not, or with other settings.
     pub fn made(&self, number: i64, entry: &Entry, manifest: &Manifest) -> Option<Made> {
-        let window = manifest.settings.get(&entry.settings)?.window;
-        let same = self.job.settings(window, number).is_ok_and(|s| s.key() == entry.settings);
+        let then = manifest.settings.get(&entry.settings)?;
+        let window = then.window;
+        let same = self.job.frame_settings(window, number, &self.engine).is_ok_and(|now| now == *then);
         if !same || entry.status == Status::Planned {
             return None;
         }
@@ -194,6 +199,6 @@ impl Shot {
         let ends = [known, self.frames.ends()].into_iter().flatten().reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
         let whole = ends.map(|(first, last)| WholeShot { first, last, vector: self.frames.has_vector() });
         let sequence = Sequence { name: self.job.sequence.name.clone(), frames, ignored: Vec::new(), named: None };
-        Job { sequence, whole, frames: Some(FrameSet::of(targets)), ..self.job.clone() }
+        Job { sequence, whole, ..self.job.clone() }.with(|settings| settings.frames = Some(FrameSet::of(targets)))
     }
 }

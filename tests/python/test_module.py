@@ -115,13 +115,11 @@ def test_inputs_come_in_many_forms(small: Path, tmp_path: Path) -> None:
 
 def test_view_layers_are_chosen(layered: Path, tmp_path: Path) -> None:
     before = pixels(layered)
-    for layers, changed in ((("Far",), {"Far"}), (("all",), {"Near", "Far"}), (["Near", "Far"], {"Near", "Far"})):
-        output = tmp_path / "-".join(layers)
+    for layers, changed in ((("Far",), {"Far"}), (("all",), {"Near", "Far"}), (["Near", "Far"], {"Near", "Far"}), ("all", {"Near", "Far"})):
+        output = tmp_path / ("text" if layers == "all" else "-".join(layers))
         hush.denoise_sequence(layered, output, layers=layers)
         for name, after in pixels(output).items():
             assert {channel.split(".")[0] for channel in after if after[channel] != before[name][channel]} == changed
-    with pytest.raises(TypeError, match="layers"):
-        hush.denoise_sequence(layered, tmp_path / "text", layers="all")
 
 
 def test_inspect_tells_what_the_command_tells(command_line: Hush, small: Path) -> None:
@@ -135,8 +133,8 @@ def test_inspect_tells_what_the_command_tells(command_line: Hush, small: Path) -
     ("change", "error", "text"),
     [
         ({"lam": 0.5}, ValueError, "lam"),
-        ({"lam": {1: 2, 5: 65}}, ValueError, "lam"),
-        ({"lam": {}}, ValueError, "lambda"),
+        ({"lam": {}}, ValueError, "lam"),
+        ({"lam": float("nan")}, ValueError, "lam"),
         ({"lam": "8"}, TypeError, "lam"),
         ({"lam": {"one": 2}}, TypeError, "lam"),
         ({"window": 4}, ValueError, "window"),
@@ -144,7 +142,7 @@ def test_inspect_tells_what_the_command_tells(command_line: Hush, small: Path) -
         ({"frames": "a-b"}, ValueError, "a-b"),
         ({"frames": []}, ValueError, "frames"),
         ({"frames": [99]}, ValueError, "none of the frames"),
-        ({"frames": [1.5]}, TypeError, "float"),
+        ({"frames": [1.5]}, TypeError, "frames"),
         ({"threads": 0}, ValueError, "threads"),
         ({"memory": -1}, ValueError, "memory"),
         ({"aovs": ["Nothing"]}, hush.HushError, "Nothing"),

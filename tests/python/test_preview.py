@@ -80,7 +80,7 @@ def test_what_is_refused(small: Path, tmp_path: Path) -> None:
         (ValueError, {"lam": 0.5}),
         (ValueError, {"window": 4}),
         (ValueError, {"region": (0, 0, WIDTH + 1, 1)}),
-        (TypeError, {"layers": "Near"}),
+        (TypeError, {"layers": 3}),
         (TypeError, {"region": (1, 2)}),
         (OSError, {"inputs": tmp_path / "nowhere"}),
     ):

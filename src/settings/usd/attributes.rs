@@ -4,15 +4,13 @@ use std::path::{Path, PathBuf};
 
 use openusd::sdf::{FieldKey, Value};
 use openusd::usd::{Attribute, Prim, Stage};
+use serde_json::json;
 
 use super::prims::words;
-use super::values::{as_meant, boolean, integer, number, text, texts};
-use crate::rules::lambda::Lambda;
+use super::values::{as_json, as_meant, number, text};
 use crate::settings::layered::{Layered, Origin};
-use crate::settings::names::{parse_guides, without_none};
 use crate::settings::nearest::hint;
-use crate::settings::size::parse_size;
-use crate::settings::{KEYS, ShotSettings};
+use crate::settings::{Kind, SETTINGS, Setting, ShotSettings, Unfit};
 
 const OURS: &str = "hush:";
 
@@ -20,19 +18,19 @@ const OURS: &str = "hush:";
 pub(super) fn read(stage: &Stage, prim: &Prim) -> Result<Layered, String> {
     let mut all = Layered::default();
     for name in prim.property_names().map_err(words)? {
-        let key = KEYS.iter().find(|k| k.usd == &*name);
-        if key.is_none() && !name.starts_with(OURS) {
+        let setting = SETTINGS.iter().find(|s| s.usd == &*name);
+        if setting.is_none() && !name.starts_with(OURS) {
             continue;
         }
         let attribute = prim.attribute(&*name);
-        let Some(key) = key else {
-            let valid = KEYS.iter().map(|k| k.usd).filter(|n| n.starts_with(OURS));
+        let Some(setting) = setting else {
+            let valid = SETTINGS.iter().map(|s| s.usd).filter(|n| n.starts_with(OURS));
             let (file, where_) = place(&attribute)?;
             all.notes.push(format!("{}: <{where_}> is no setting of Hush{}", file.display(), hint(&name, valid)));
             continue;
         };
         let mut one = Layered::default();
-        if set(stage, &attribute, key.name, &mut one.values)? {
+        if set(stage, &attribute, setting, &mut one.values)? {
             let (file, _) = place(&attribute)?;
             let origin = || Origin::Usd { file: file.clone(), prim: prim.path().to_string(), attribute: name.to_string() };
             all = Layered::new(one.values, |_| origin()).over(all);
@@ -93,67 +91,25 @@ pub(super) fn value(attribute: &Attribute) -> Result<Option<Value>, String> {
 }
 
 /// Reads one attribute into the settings; false where it has no value.
-fn set(stage: &Stage, attribute: &Attribute, name: &str, into: &mut ShotSettings) -> Result<bool, String> {
-    if name == "lambda" {
-        into.lambda = lambda(stage, attribute)?;
-        return Ok(into.lambda.is_some());
-    }
-    let Some(value) = constant(attribute)? else { return Ok(false) };
-    let wrong = |expected: &str| complaint(attribute, &format!("is {}, expected {expected}", shown(attribute, &value)));
-    let one = || text(&value).ok_or_else(|| wrong("a string"));
-    let list = || texts(&value).ok_or_else(|| wrong("a list of tokens")).map(without_none);
-    let flag = || boolean(&value).ok_or_else(|| wrong("a bool"));
-    let said = |e: crate::Error| complaint(attribute, &e.to_string());
-    match name {
-        "enable" => into.enable = Some(flag()?),
-        "keep_noisy" => into.keep_noisy = Some(flag()?),
-        "window" => {
-            let window = integer(&value).ok_or_else(|| wrong("an int from 0 to 3"))?;
-            into.window = Some(usize::try_from(window).map_err(|_| wrong("0 to 3"))?);
-        }
-        "input" => into.input = Some(anchored(attribute, one()?)?),
-        "output" => into.output = Some(anchored(attribute, one()?)?),
-        "model" => into.model = Some(anchored(attribute, one()?)?),
-        "frames" => {
-            let frames = integer(&value).map_or_else(one, |n| Ok(n.to_string()))?;
-            into.frames = Some(frames.parse().map_err(said)?);
-        }
-        "layers" => into.layers = Some(list()?),
-        "aovs" => into.aovs = Some(list()?),
-        "guides" => into.guides = Some(parse_guides(&texts(&value).ok_or_else(|| wrong("a list of tokens"))?).map_err(said)?),
-        "renderer" => into.renderer = Some(one()?),
-        "view" => into.view = Some(one()?),
-        "vector_layer" => into.vector_layer = Some(one()?),
-        "memory" => {
-            let size = integer(&value).map_or_else(one, |n| Ok(n.to_string()))?;
-            into.memory = Some(parse_size(&size).map_err(|e| complaint(attribute, &e))?);
-        }
-        "passes.beauty" => into.passes.beauty = Some(one()?),
-        "passes.albedo" => into.passes.albedo = Some(one()?),
-        "passes.normal" => into.passes.normal = Some(one()?),
-        "passes.depth" => into.passes.depth = Some(one()?),
-        "passes.vector" => into.passes.vector = Some(one()?),
-        _ => return Ok(false),
-    }
-    Ok(true)
-}
-
-/// λ: its time samples as keys, else its value.
-fn lambda(stage: &Stage, attribute: &Attribute) -> Result<Option<Lambda>, String> {
-    let wrong = |value: &Value| {
-        complaint(attribute, &format!("is {}, expected a float from 1 to 64, or time samples of it", shown(attribute, value)))
+fn set(stage: &Stage, attribute: &Attribute, setting: &Setting, into: &mut ShotSettings) -> Result<bool, String> {
+    let samples = if setting.kind == Kind::Lambda { samples(attribute)? } else { Vec::new() };
+    let (value, shown) = if samples.is_empty() {
+        let Some(value) = constant(attribute)? else { return Ok(false) };
+        (as_json(&value), shown(attribute, &value))
+    } else {
+        let frames = frames_per_time_code(stage)?;
+        let key = |(time, value): &(f64, Value)| json!([time * frames, as_json(value)]);
+        (samples.iter().map(key).collect(), "time samples".into())
     };
-    let said = |e: crate::Error| complaint(attribute, &e.to_string());
-    let samples = samples(attribute)?;
-    if samples.is_empty() {
-        let Some(value) = constant(attribute)? else { return Ok(None) };
-        let number = number(&value).ok_or_else(|| wrong(&value))?;
-        return Lambda::constant(number as f32).map(Some).map_err(said);
-    }
-    let frames = frames_per_time_code(stage)?;
-    let key = |(time, value): &(f64, Value)| Ok((time * frames, number(value).ok_or_else(|| wrong(value))? as f32));
-    let keys = samples.iter().map(key).collect::<Result<Vec<_>, String>>()?;
-    Lambda::keyed(keys).map(Some).map_err(said)
+    let value = match value.as_str() {
+        Some(path) if setting.kind == Kind::Path => anchored(attribute, path)?.to_string_lossy().into(),
+        _ => value,
+    };
+    into.set(setting.name, value).map_err(|unfit| match unfit {
+        Unfit::Type(expected) => complaint(attribute, &format!("is {shown}, expected {expected}")),
+        other => complaint(attribute, &other.to_string()),
+    })?;
+    Ok(true)
 }
 
 /// Time codes are frames, unless the stage says both how many frames and how many time codes a second has.
@@ -167,12 +123,12 @@ pub(super) fn frames_per_time_code(stage: &Stage) -> Result<f64, String> {
 }
 
 /// A path as it is meant: relative to the layer that says it.
-fn anchored(attribute: &Attribute, path: String) -> Result<PathBuf, String> {
+fn anchored(attribute: &Attribute, path: &str) -> Result<PathBuf, String> {
     let (file, _) = place(attribute)?;
     if path.is_empty() {
         return Err(complaint(attribute, "is empty"));
     }
-    if Path::new(&path).is_absolute() {
+    if Path::new(path).is_absolute() {
         return Ok(path.into());
     }
     // The path of an asset is absolute by now, unless its layer lies in a package.

@@ -98,13 +98,13 @@ fn var_settings(var: &Prim) -> Result<Layered, String> {
     let kind = kind_of(&layer).or_else(|| kind_of(&own)).or_else(|| source.as_deref().and_then(kind_of));
     let Some(kind) = kind.filter(|_| !BLENDER.contains(&layer.as_str())) else { return Ok(Layered::default()) };
     let mut one = Layered::default();
-    let passes = &mut one.values.passes;
+    let values = &mut one.values;
     *match kind {
-        Kind::Beauty => &mut passes.beauty,
-        Kind::Albedo => &mut passes.albedo,
-        Kind::Normal => &mut passes.normal,
-        Kind::Depth => &mut passes.depth,
-        Kind::Vector => &mut passes.vector,
+        Kind::Beauty => &mut values.passes_beauty,
+        Kind::Albedo => &mut values.passes_albedo,
+        Kind::Normal => &mut values.passes_normal,
+        Kind::Depth => &mut values.passes_depth,
+        Kind::Vector => &mut values.passes_vector,
     } = Some(layer);
     let (file, _) = place(&var.attribute(attribute))?;
     let file = if file.as_os_str().is_empty() { var.stage().root_layer().identifier().into() } else { file };

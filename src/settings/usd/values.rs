@@ -83,20 +83,13 @@ pub(super) fn number(value: &Value) -> Option<f64> {
 }
 
 /// A whole number.
-pub(super) fn integer(value: &Value) -> Option<i64> {
+fn integer(value: &Value) -> Option<i64> {
     match value {
         Value::Uchar(v) => Some(i64::from(*v)),
         Value::Int(v) => Some(i64::from(*v)),
         Value::Uint(v) => Some(i64::from(*v)),
         Value::Int64(v) => Some(*v),
         Value::Uint64(v) => i64::try_from(*v).ok(),
-        _ => None,
-    }
-}
-
-pub(super) fn boolean(value: &Value) -> Option<bool> {
-    match value {
-        Value::Bool(v) => Some(*v),
         _ => None,
     }
 }
@@ -111,12 +104,16 @@ pub(super) fn text(value: &Value) -> Option<String> {
     }
 }
 
-/// Strings or tokens; one counts as a list of one.
-pub(super) fn texts(value: &Value) -> Option<Vec<String>> {
+/// A value as JSON: flags, numbers, texts and lists of texts; null for what no setting has.
+pub(super) fn as_json(value: &Value) -> serde_json::Value {
     match value {
-        Value::StringVec(v) => Some(v.clone()),
-        Value::TokenVec(v) => Some(v.iter().map(ToString::to_string).collect()),
-        one => text(one).map(|text| vec![text]),
+        Value::Bool(v) => (*v).into(),
+        Value::StringVec(v) => v.clone().into(),
+        Value::TokenVec(v) => v.iter().map(ToString::to_string).collect(),
+        other => match integer(other) {
+            Some(whole) => whole.into(),
+            None => number(other).map(Into::into).or_else(|| text(other).map(Into::into)).unwrap_or_default(),
+        },
     }
 }
 

@@ -12,7 +12,7 @@ use super::prims::{self, PASS, words};
 use super::values::escaped;
 use crate::error::{Error, Result};
 use crate::rules::lambda::Lambda;
-use crate::settings::KEYS;
+use crate::settings::Kind;
 use crate::settings::layered::Layered;
 
 /// The applied schema.
@@ -94,25 +94,25 @@ fn author(
         PrimSpec::new(&mut data, place.clone(), Specifier::Def, PASS).map_err(words)?;
     }
     PrimSpec::over(&mut data, place.clone()).map_err(words)?.add_applied_schema(API).map_err(words)?;
-    for key in KEYS.iter().filter(|k| settings.given().any(|name| name == k.name)) {
-        let attribute = place.append_property(key.usd).map_err(words)?;
-        let lambda = settings.values.lambda.as_ref().filter(|_| key.name == "lambda");
+    for (setting, value) in settings.values.said() {
+        let attribute = place.append_property(setting.usd).map_err(words)?;
+        let lambda = settings.values.lambda.as_ref().filter(|_| setting.kind == Kind::Lambda);
         let varying = if lambda.is_some() { Variability::Varying } else { Variability::Uniform };
-        let mut spec = AttributeSpec::new(&mut data, attribute, key.usd_type, varying, false).map_err(words)?;
+        let mut spec = AttributeSpec::new(&mut data, attribute, setting.kind.usd_type(), varying, false).map_err(words)?;
         match lambda.map(Lambda::keys) {
             Some([(_, value)]) => spec.set_default(Value::Float(*value)),
             Some(keys) => {
                 keys.iter().for_each(|(frame, value)| spec.set_time_sample(frame / frames_per_time_code, Value::Float(*value)));
             }
             None => {
-                let mut value = settings.value(key.name);
-                if let ("input" | "output" | "model", Some(file)) = (key.name, value.as_str().map(Path::new))
+                let mut value = value;
+                if let (Kind::Path, Some(file)) = (setting.kind, value.as_str().map(Path::new))
                     && file.is_relative()
                 {
                     // What is relative to this folder becomes relative to the layer.
                     value = relative(file, path).into();
                 }
-                spec.set_default(value_of(&value, key.usd_type));
+                spec.set_default(value_of(&value, setting.kind.usd_type()));
             }
         }
     }

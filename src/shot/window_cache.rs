@@ -36,14 +36,14 @@ impl Slot {
 
 /// What is kept: never more than one window.
 #[derive(Default)]
-pub(super) struct Kept {
+pub(super) struct WindowCache {
     pub ring: BTreeMap<i64, Slot>,
     pub pixels: PixelChecks,
     /// The sequence and the settings that the frames belong to.
     of: (String, String),
 }
 
-impl Kept {
+impl WindowCache {
     /// Drops what a run over the plan cannot use.
     pub fn prepare(&mut self, sequence: &str, plan: &Plan) {
         let mut settings = plan.settings.clone();

@@ -1,11 +1,12 @@
-//! `hush plan`: what is left out of a shot, why, and the time that it saves.
+//! `hush survey`: what is left out of a shot, why, and the time that it saves.
+
+use std::path::PathBuf;
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget};
 
-use super::shot_args::ShotArgs;
+use super::setting_args::{OfSurveys, QueryArgs};
 use super::signals::stop_handler;
-use super::skip_args::SkipArgs;
 use super::{CatchSignals, Exit, print, print_json, say};
 use crate::error::{Error, Result};
 use crate::rules::skip::{LeftOut, Rule};
@@ -16,17 +17,13 @@ use crate::words::counted;
 ///
 /// Looks at the pixels of every frame and denoises one, in turn with and without. Nothing is written.
 #[derive(Args)]
-pub(super) struct PlanArgs {
+pub(super) struct SurveyArgs {
+    /// A folder, a glob, a pattern such as shot/frame_####.exr or shot/frame_%04d.exr, or files; may be left out where the shot's
+    /// settings name them
+    #[arg(value_name = "INPUT")]
+    inputs: Vec<PathBuf>,
     #[command(flatten)]
-    shot: ShotArgs,
-    /// Frames on each side that help, 0 to 3 [default: 2 where there is a Vector pass, else 0]
-    #[arg(short, long)]
-    window: Option<usize>,
-    /// Light pass to denoise along, such as "Diffuse Direct", or all; may be given several times
-    #[arg(long = "aov", value_name = "NAME|all")]
-    aovs: Vec<String>,
-    #[command(flatten)]
-    skip: SkipArgs,
+    shot: QueryArgs<OfSurveys>,
     /// Measure no time
     #[arg(long)]
     no_timing: bool,
@@ -36,15 +33,16 @@ pub(super) struct PlanArgs {
 }
 
 /// Runs the subcommand; frames that cannot be read show in the exit code.
-pub(super) fn plan(args: &PlanArgs, catch_signals: CatchSignals) -> Result<Exit> {
-    let skip = args.skip.skip()?;
-    let scope = Scope::open(&args.shot.sequence()?, &args.shot.selection(&args.aovs), args.shot.frames.as_ref(), args.window, 0)?;
-    let engine = args.shot.engine(skip)?;
+pub(super) fn show_survey(args: &SurveyArgs, catch_signals: CatchSignals) -> Result<Exit> {
+    let (sequence, settings) = args.shot.query(&args.inputs).find()?;
+    let values = &settings.values;
+    let scope = Scope::open(&sequence, &values.selection(), values.frames.as_ref(), values.window, 0)?;
+    let engine = values.engine()?;
     let cancel = CancelToken::new();
     catch_signals(stop_handler(&cancel, None))?;
     let target = if args.json { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
     let bar = ProgressBar::with_draw_target(Some(scope.frames.len() as u64), target);
-    let found = survey(&scope, &engine, skip, !args.no_timing, &|done| bar.set_position(done as u64), &cancel);
+    let found = survey(&scope, &engine, !args.no_timing, &|done| bar.set_position(done as u64), &cancel);
     bar.finish_and_clear();
     let found = match found {
         Err(Error::Cancelled) => return Ok(Exit::Stopped),

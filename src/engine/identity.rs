@@ -1,0 +1,50 @@
+//! What decides an engine's results besides its inputs: a frame that another one made is out of date.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::Result;
+pub use crate::network::model_id::ModelId;
+use crate::network::renderers::DEFAULT_RENDERER;
+use crate::rules::skip::{RULES, Rule, Skip};
+
+/// What an engine is made of.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Identity {
+    /// The weights.
+    pub model: ModelId,
+    /// The renderer whose encoder is used; None for Cycles and where nothing was said.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub renderer: Option<String>,
+    /// The rules by which work is left out.
+    pub skip: Vec<Rule>,
+}
+
+impl Identity {
+    /// That of an engine with these weights (None: the embedded ones), for this renderer, before there is one.
+    ///
+    /// # Errors
+    /// [`Error::Io`](crate::Error::Io) where the weights cannot be read.
+    pub fn of(model: Option<&Path>, renderer: Option<&str>, skip: Skip) -> Result<Self> {
+        Ok(Self::new(model.map_or_else(|| Ok(ModelId::embedded()), ModelId::of_file)?, renderer, skip))
+    }
+
+    pub(super) fn new(model: ModelId, renderer: Option<&str>, skip: Skip) -> Self {
+        let renderer = renderer.map(str::to_ascii_lowercase).filter(|name| name != DEFAULT_RENDERER);
+        Self { model, renderer, skip: RULES.into_iter().filter(|rule| skip.has(*rule)).collect() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_usual_renderer_is_not_told_apart_from_none() {
+        let with = |renderer| Identity::of(None, renderer, Skip::default()).unwrap();
+        assert_eq!(with(Some("Cycles")), with(None));
+        assert_eq!(with(Some("Mitsuba")).renderer.as_deref(), Some("mitsuba"));
+        assert_ne!(Identity::of(None, None, Skip::NONE).unwrap(), with(None));
+    }
+}

@@ -1,0 +1,186 @@
+//! The settings that a frame is made with: those of the table that change pixels, and the engine's identity.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
+use serde_json::{Map, Value, json};
+
+use crate::engine::{Identity, ModelId};
+use crate::settings::{Effect, SETTINGS, Setting, ShotSettings, in_words};
+
+/// The settings that a frame was made with; a frame is made again where they differ.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FrameSettings {
+    /// 1…64.
+    pub lambda: f32,
+    /// Frames on each side.
+    pub window: usize,
+    /// The engine's.
+    #[serde(flatten)]
+    pub engine: Identity,
+    /// The others by name, where they are not as by default.
+    #[serde(flatten)]
+    pub others: BTreeMap<String, Value>,
+}
+
+impl FrameSettings {
+    /// Those of a shot, once the frame's λ and window are known.
+    pub(super) fn new(settings: &ShotSettings, lambda: f32, window: usize, engine: Identity) -> Self {
+        let others = others().filter_map(|s| Some((s.name.to_owned(), s.unusual(settings.get(s.name))?))).collect();
+        Self { lambda, window, engine, others }
+    }
+
+    /// A short key that differs where the settings differ.
+    pub(crate) fn key(&self) -> String {
+        format!("{:016x}", xxhash_rust::xxh3::xxh3_64(serde_json::to_string(self).unwrap_or_default().as_bytes()))
+    }
+
+    /// The view layer that the motion vectors came from, where one was named.
+    pub(super) fn vector_layer(&self) -> Option<&str> {
+        self.others.get("vector_layer")?.as_str()
+    }
+
+    /// What changed since `old`.
+    pub(super) fn changes_since(&self, old: &Self) -> Vec<Change> {
+        let all = SETTINGS.iter().filter(|setting| setting.effect != Effect::Nothing);
+        let change = |setting: &'static Setting| {
+            let (old, new) = (old.in_words(setting), self.in_words(setting));
+            (old != new).then_some(Change { setting, old, new })
+        };
+        all.filter_map(change).collect()
+    }
+
+    fn in_words(&self, setting: &Setting) -> String {
+        let ModelId { name, hash } = &self.engine.model;
+        let said = match setting.name {
+            "lambda" => json!(self.lambda),
+            "window" => json!(self.window),
+            "model" => hash.as_ref().map_or(name.clone(), |hash| format!("{name} ({hash})")).into(),
+            "renderer" => json!(self.engine.renderer),
+            "skip" => json!(self.engine.skip),
+            other => self.others.get(other).cloned().unwrap_or_default(),
+        };
+        if said.is_null() { setting.default.to_owned() } else { in_words(&said) }
+    }
+}
+
+/// The settings of [`FrameSettings::others`].
+fn others() -> impl Iterator<Item = &'static Setting> {
+    SETTINGS.iter().filter(|s| s.effect == Effect::Pixels && !["lambda", "window"].contains(&s.name))
+}
+
+/// Also as Hush 0.1 wrote them at first: every setting, guides and rules as flags, passes as a table.
+impl<'de> Deserialize<'de> for FrameSettings {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        struct Written {
+            lambda: f32,
+            window: usize,
+            model: ModelId,
+            #[serde(default)]
+            renderer: Option<String>,
+            #[serde(default)]
+            skip: Option<Value>,
+            #[serde(flatten)]
+            others: Map<String, Value>,
+        }
+        let flags = |value: Value| match value {
+            Value::Object(flags) => flags.into_iter().filter(|(_, on)| *on == Value::Bool(true)).map(|(name, _)| name).collect(),
+            list => list,
+        };
+        let Written { lambda, window, model, renderer, skip, others: written } = Written::deserialize(from)?;
+        let mut rules = skip.map_or_else(|| json!(crate::rules::skip::RULES), flags);
+        if let Some(rules) = rules.as_array_mut() {
+            // A rule without a bound is gone; whatever it made is another frame now.
+            rules.retain(|rule| rule != "repeated");
+        }
+        let skip = ordered("skip", rules).ok_or_else(|| D::Error::custom("skip: no list of rules"))?;
+        let skip = serde_json::from_value(skip).map_err(D::Error::custom)?;
+        let mut others = BTreeMap::new();
+        for setting in self::others() {
+            let (table, key) = setting.name.split_once('.').unwrap_or((setting.name, ""));
+            let value = match written.get(setting.name).or(written.get(table).filter(|v| v.is_object())) {
+                Some(Value::Object(inner)) if !key.is_empty() => inner.get(key).cloned().unwrap_or_default(),
+                Some(value) => flags(value.clone()),
+                None => Value::Null,
+            };
+            let value = ordered(setting.name, value).and_then(|value| setting.unusual(value));
+            others.extend(value.map(|value| (setting.name.to_owned(), value)));
+        }
+        Ok(Self { lambda, window, engine: Identity { model, renderer, skip }, others })
+    }
+}
+
+/// A value in its one form; None where it is none for the setting.
+fn ordered(name: &str, value: Value) -> Option<Value> {
+    Setting::named(name).ok()?.kind.canonical(value).ok()
+}
+
+/// A setting that changed, in words: `lambda 1 → 4`.
+#[derive(Clone, Debug)]
+pub(super) struct Change {
+    pub setting: &'static Setting,
+    old: String,
+    new: String,
+}
+
+impl fmt::Display for Change {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {} → {}", self.setting.label(), self.old, self.new)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rules::skip::Skip;
+
+    fn settings(said: Value, lambda: f32) -> FrameSettings {
+        let said: ShotSettings = serde_json::from_value(said).unwrap();
+        let skip = said.skip.as_deref().map_or_else(Skip::default, Skip::of);
+        FrameSettings::new(&said, lambda, 2, Identity::of(None, said.renderer.as_deref(), skip).unwrap())
+    }
+
+    #[test]
+    fn what_changed_is_told_by_the_names_of_settings() {
+        let usual = settings(json!({}), 1.0);
+        for (said, words) in [
+            (json!({ "skip": "none" }), "skip constant, opaque, untrusted, still → none"),
+            (json!({ "renderer": "Mitsuba" }), "renderer cycles → mitsuba"),
+            (json!({ "layers": "all" }), "layers the one with the most samples → all"),
+            (json!({ "guides": "none" }), "guides albedo, normal, depth, vector → none"),
+            (json!({ "passes.beauty": "Ci" }), "passes.beauty Combined → Ci"),
+            (json!({ "keep_noisy": true }), "keep noisy false → true"),
+        ] {
+            let new = settings(said, 1.0);
+            assert_eq!(new.changes_since(&usual).iter().map(Change::to_string).collect::<Vec<_>>(), [words]);
+            assert_ne!(new.key(), usual.key());
+            assert_eq!(serde_json::from_value::<FrameSettings>(json!(new)).unwrap(), new);
+        }
+        assert_eq!(settings(json!({}), 4.0).changes_since(&usual)[0].to_string(), "lambda 1 → 4");
+    }
+
+    #[test]
+    fn what_is_said_as_it_is_anyway_changes_nothing() {
+        let same = json!({ "renderer": "cycles", "guides": ["vector", "depth", "normal", "albedo"], "aovs": "none", "keep_noisy": false,
+            "memory": "4G", "frames": "1-2" });
+        assert_eq!(settings(same, 1.0), settings(json!({}), 1.0));
+    }
+
+    #[test]
+    fn manifests_of_before_are_still_understood() {
+        let before = json!({ "lambda": 1.0, "window": 2, "layers": [], "view": null, "vector_layer": null,
+            "guides": { "albedo": true, "normal": true, "depth": true, "vector": true }, "aovs": [], "keep_noisy": false,
+            "skip": { "constant": true, "opaque": true, "untrusted": true, "still": true, "repeated": false },
+            "model": ModelId::embedded() });
+        let mut changed = before.clone();
+        assert_eq!(serde_json::from_value::<FrameSettings>(before).unwrap(), settings(json!({}), 1.0));
+        changed["guides"]["depth"] = false.into();
+        changed["skip"]["still"] = false.into();
+        changed["passes"] = json!({ "beauty": "C" });
+        let said = json!({ "guides": ["albedo", "normal", "vector"], "skip": ["constant", "opaque", "untrusted"], "passes.beauty": "C" });
+        assert_eq!(serde_json::from_value::<FrameSettings>(changed).unwrap(), settings(said, 1.0));
+    }
+}
