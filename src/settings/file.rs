@@ -112,7 +112,7 @@ mod tests {
             ("lambda = nan", ["lambda", "no value"]),
             ("lambda = [[1, 2], [1, 3]]", ["lambda", "two values"]),
             ("window = \"two\"", ["window", "two"]),
-            ("window = -1", ["window = -1", "expected"]),
+            ("window = -1", ["window = -1", "out of range"]),
             ("frames = \"9-1\"", ["frames", "backwards"]),
             ("layers = 3", ["layers = 3", "a name or a list of names"]),
             ("guides = [\"colour\"]", ["guides", "albedo, normal, depth, vector"]),
