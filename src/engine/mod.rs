@@ -2,7 +2,7 @@
 
 use clock::Clock;
 pub use clock::{STAGES, Stage};
-use ndarray::{Array2, Array3, s};
+use ndarray::{Array3, s};
 use paths::{Path, paths};
 use settings::check_levels;
 pub use settings::{LEVELS, Settings};
@@ -11,7 +11,7 @@ use steps::{Mark, Steps, UNHEARD};
 use unpack::{own_pixels, unpack};
 
 use crate::error::{Error, Result};
-use crate::frame::Aov;
+pub use crate::frame::Denoised;
 use crate::frame::packed::PackedFrame;
 pub use crate::frame::packed::Scales;
 use crate::frame::ranges::Ranges;
@@ -65,17 +65,6 @@ impl EncodedFrame {
     pub fn has_vectors(&self) -> bool {
         self.packed.vectors.is_some()
     }
-}
-
-/// One denoised frame, the same sizes and passes as the input.
-#[derive(Clone, Debug)]
-pub struct Denoised {
-    /// (rows, columns, 3), linear.
-    pub colour: Array3<f32>,
-    /// (rows, columns) where the input had alpha.
-    pub alpha: Option<Array2<f32>>,
-    /// In the input's order.
-    pub aovs: Vec<Aov>,
 }
 
 /// The network with its weights, ready to run. Shared between threads.

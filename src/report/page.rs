@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::axes::number;
 use super::candidates::Kind;
-use super::crops::{BRIGHTEST, CropSet};
+use super::crops::{CropSet, ERROR_SCALE_END};
 use super::measure::Measured;
 use super::plots::{by_frame, by_stage, error_against_time, ink};
 use super::record::{Basis, ERRORS, Report, Row};
@@ -161,7 +161,7 @@ fn tiles(sets: &[CropSet]) -> String {
         .collect();
     let mut out = format!(
         "<p class=\"muted\">Below each picture its error in false colour, SMAPE by pixel: 0 \
-         <span class=\"scale\" style=\"background:linear-gradient(90deg,{})\"></span> {BRIGHTEST} and more.</p>\n",
+         <span class=\"scale\" style=\"background:linear-gradient(90deg,{})\"></span> {ERROR_SCALE_END} and more.</p>\n",
         stops.join(",")
     );
     for set in sets {

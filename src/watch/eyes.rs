@@ -9,7 +9,7 @@ use notify_debouncer_full::notify::event::{AccessKind, AccessMode, CreateKind, E
 use notify_debouncer_full::notify::{self, Config, RecommendedWatcher, RecursiveMode};
 use notify_debouncer_full::{DebounceEventResult, DebouncedEvent, Debouncer, NoCache, new_debouncer_opt};
 
-use super::tree::is_exr;
+use crate::io::sequence::is_exr;
 
 /// Events on one path are gathered this long.
 const DEBOUNCE: Duration = Duration::from_millis(100);

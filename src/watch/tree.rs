@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use crate::error::{Error, Result};
 use crate::io::NumberPattern;
+use crate::io::sequence::is_exr;
 use crate::io::split_number;
 use crate::shot::{MANIFEST, Stamp, real_folder};
 
@@ -189,11 +190,6 @@ impl Tree {
 
 fn is_hidden(name: &OsStr) -> bool {
     name.as_encoded_bytes().starts_with(b".")
-}
-
-/// Whether a name is that of an EXR file.
-pub(super) fn is_exr(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"))
 }
 
 #[cfg(test)]

@@ -16,8 +16,8 @@ use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::io::sequence::Sequence;
 use crate::rules::checks::WarningKind;
-use crate::rules::frames::show_ranges;
 use crate::shot::{CancelToken, Job, Runner, Stamp, real_folder};
+use crate::words;
 
 /// Even with events the folder is scanned now and then, as some get lost.
 const RESCAN: Duration = Duration::from_secs(10);
@@ -312,7 +312,7 @@ impl<'a> Watcher<'a> {
         let shots: Vec<&Shot> = if all { self.shots.values().collect() } else { self.asked().collect() };
         let missing = |shot: &Shot| {
             let there: Vec<i64> = shot.frames.there().collect();
-            show_ranges(&shot.rules.frames.as_ref().map(|set| set.missing(&there)).unwrap_or_default())
+            words::ranges(&shot.rules.frames.as_ref().map(|set| set.missing(&there)).unwrap_or_default())
         };
         match shots.as_slice() {
             [only] => missing(only),
