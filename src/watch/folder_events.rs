@@ -1,4 +1,4 @@
-//! Where to look: hints from the operating system where it gives any. A hint only says that a path may have changed.
+//! What the operating system says about a folder, where it says anything: that a path may have changed.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -11,12 +11,12 @@ use notify_debouncer_full::{DebounceEventResult, DebouncedEvent, Debouncer, NoCa
 
 use crate::io::sequence::is_exr;
 
-/// Events on one path are gathered this long.
+/// Events on one path are put together for this long.
 const DEBOUNCE: Duration = Duration::from_millis(100);
 
 /// What may have changed; bounded by the names in the folder.
 #[derive(Debug, Default, PartialEq, Eq)]
-pub(super) struct Hints {
+pub(super) struct Changes {
     /// EXR files, and whether their writer has closed them.
     pub files: BTreeMap<PathBuf, bool>,
     /// Folders to scan.
@@ -25,17 +25,17 @@ pub(super) struct Hints {
     pub all: bool,
 }
 
-type Shared = Arc<(Mutex<Hints>, Condvar)>;
+type Shared = Arc<(Mutex<Changes>, Condvar)>;
 
 /// The watch on a folder.
-pub(super) struct Eyes {
+pub(super) struct FolderEvents {
     shared: Shared,
     debouncer: Option<Debouncer<RecommendedWatcher, NoCache>>,
 }
 
-impl Eyes {
-    /// Eyes that see nothing by themselves.
-    pub fn closed() -> Self {
+impl FolderEvents {
+    /// Of no folder.
+    pub fn off() -> Self {
         Self { shared: Shared::default(), debouncer: None }
     }
 
@@ -43,7 +43,7 @@ impl Eyes {
     ///
     /// # Errors
     /// What to tell the user: the system refuses, such as for too many watches. The folder must then be scanned.
-    pub fn open(&mut self, folder: &Path) -> Result<(), String> {
+    pub fn start(&mut self, folder: &Path) -> Result<(), String> {
         let shared = self.shared.clone();
         let watch = || {
             let handler = move |result: DebounceEventResult| take(&shared, result);
@@ -58,20 +58,20 @@ impl Eyes {
     }
 
     /// Stops watching.
-    pub fn close(&mut self) {
+    pub fn stop(&mut self) {
         self.debouncer = None;
     }
 
     /// Whether a folder is watched.
-    pub fn are_open(&self) -> bool {
+    pub fn are_on(&self) -> bool {
         self.debouncer.is_some()
     }
 
-    /// The hints since the last call; waits for one up to `timeout`.
-    pub fn hints(&self, timeout: Duration) -> Hints {
-        let (hints, bell) = &*self.shared;
-        let nothing = |hints: &mut Hints| *hints == Hints::default();
-        let guard = hints.lock().unwrap_or_else(PoisonError::into_inner);
+    /// The changes since the last call; waits for some up to `timeout`.
+    pub fn changes(&self, timeout: Duration) -> Changes {
+        let (changes, bell) = &*self.shared;
+        let nothing = |changes: &mut Changes| *changes == Changes::default();
+        let guard = changes.lock().unwrap_or_else(PoisonError::into_inner);
         let (mut guard, _) = bell.wait_timeout_while(guard, timeout, nothing).unwrap_or_else(PoisonError::into_inner);
         std::mem::take(&mut guard)
     }
@@ -89,18 +89,18 @@ fn refusal(folder: &Path, error: &notify::Error) -> String {
 }
 
 fn take(shared: &Shared, result: DebounceEventResult) {
-    let (hints, bell) = &**shared;
-    let mut hints = hints.lock().unwrap_or_else(PoisonError::into_inner);
+    let (changes, bell) = &**shared;
+    let mut changes = changes.lock().unwrap_or_else(PoisonError::into_inner);
     match result {
-        Ok(events) => events.iter().for_each(|e| hints.add(e)),
-        Err(_) => hints.all = true,
+        Ok(events) => events.iter().for_each(|e| changes.add(e)),
+        Err(_) => changes.all = true,
     }
-    if *hints != Hints::default() {
+    if *changes != Changes::default() {
         bell.notify_all();
     }
 }
 
-impl Hints {
+impl Changes {
     fn add(&mut self, event: &DebouncedEvent) {
         self.all |= event.need_rescan();
         let (closed, folder) = match event.kind {
@@ -154,16 +154,16 @@ mod tests {
 
     #[test]
     fn our_own_reading_is_no_hint_and_closing_is_remembered() {
-        let mut hints = Hints::default();
-        hints.add(&event(EventKind::Access(AccessKind::Open(AccessMode::Any)), "/a/f_1.exr"));
-        hints.add(&event(EventKind::Access(AccessKind::Close(AccessMode::Read)), "/a/f_1.exr"));
-        assert_eq!(hints, Hints::default());
-        hints.add(&event(EventKind::Create(CreateKind::File), "/a/f_1.exr"));
-        hints.add(&event(EventKind::Access(AccessKind::Close(AccessMode::Write)), "/a/f_1.exr"));
-        hints.add(&event(EventKind::Modify(ModifyKind::Any), "/a/f_1.exr"));
-        hints.add(&event(EventKind::Create(CreateKind::Folder), "/a/b"));
-        assert_eq!(hints.files, BTreeMap::from([("/a/f_1.exr".into(), true)]));
-        assert_eq!(hints.folders, BTreeSet::from(["/a/b".into()]));
+        let mut changes = Changes::default();
+        changes.add(&event(EventKind::Access(AccessKind::Open(AccessMode::Any)), "/a/f_1.exr"));
+        changes.add(&event(EventKind::Access(AccessKind::Close(AccessMode::Read)), "/a/f_1.exr"));
+        assert_eq!(changes, Changes::default());
+        changes.add(&event(EventKind::Create(CreateKind::File), "/a/f_1.exr"));
+        changes.add(&event(EventKind::Access(AccessKind::Close(AccessMode::Write)), "/a/f_1.exr"));
+        changes.add(&event(EventKind::Modify(ModifyKind::Any), "/a/f_1.exr"));
+        changes.add(&event(EventKind::Create(CreateKind::Folder), "/a/b"));
+        assert_eq!(changes.files, BTreeMap::from([("/a/f_1.exr".into(), true)]));
+        assert_eq!(changes.folders, BTreeSet::from(["/a/b".into()]));
     }
 
     #[test]
@@ -174,19 +174,19 @@ mod tests {
             let text = refusal(Path::new("/shot"), &error);
             assert!(text.contains("/shot") && text.contains("max_user_watches") && text.contains("scanned"), "{text}");
         }
-        assert!(Eyes::closed().open(Path::new("/not/there")).unwrap_err().contains("/not/there"));
+        assert!(FolderEvents::off().start(Path::new("/not/there")).unwrap_err().contains("/not/there"));
     }
 
     #[test]
     fn what_is_written_below_the_folder_is_seen() {
         let dir = tempfile::tempdir().unwrap();
-        let mut eyes = Eyes::closed();
-        eyes.open(dir.path()).unwrap();
+        let mut events = FolderEvents::off();
+        events.start(dir.path()).unwrap();
         let file = dir.path().join("f_1.exr");
         std::fs::write(&file, b"x").unwrap();
         let mut seen = false;
         for _ in 0..50 {
-            seen |= eyes.hints(Duration::from_millis(100)).files.get(&file) == Some(&true);
+            seen |= events.changes(Duration::from_millis(100)).files.get(&file) == Some(&true);
             if seen {
                 break;
             }
@@ -194,6 +194,6 @@ mod tests {
         assert!(seen);
         std::fs::read(&file).unwrap();
         std::thread::sleep(Duration::from_millis(400));
-        assert_eq!(eyes.hints(Duration::ZERO), Hints::default(), "reading is no hint");
+        assert_eq!(events.changes(Duration::ZERO), Changes::default(), "reading is no hint");
     }
 }
