@@ -255,14 +255,14 @@ impl Run<'_> {
     /// One frame by a candidate of Hush; the seconds without encoding.
     fn hush(&mut self, number: i64, around: &[(i32, i64)], i: usize) -> Result<(f64, Array3<f32>)> {
         let (candidate, engine) = (&self.candidates[i], self.engine);
-        let Method::Hush { window, lambda, levels, .. } = candidate.method else { return Err(Error::Cancelled) };
+        let Method::Hush { window, lambda, .. } = candidate.method else { return Err(Error::Cancelled) };
         let missing = || Error::BadInput { input: format!("frame {number}"), reason: "could not be encoded".into() };
         let centre = self.ring.get(&number).ok_or_else(missing)?;
         let near = around.iter().filter(|(offset, _)| offset.unsigned_abs() as usize <= window);
         let near: Vec<(i32, &EncodedFrame)> = near.filter_map(|(offset, n)| Some((*offset, self.ring.get(n)?))).collect();
         let before = engine.stage_seconds();
         let began = Instant::now();
-        let (denoised, left_out) = engine.denoise_with(centre, &near, lambda, (candidate.skip(), levels))?;
+        let (denoised, left_out) = engine.denoise_with(centre, &near, lambda, candidate.skip())?;
         let seconds = began.elapsed().as_secs_f64();
         let footprint = engine.footprint(centre, &near);
         let tally = &mut self.tallies[i];

@@ -255,7 +255,7 @@ fn method(report: &Report) -> String {
         "<p>Every frame was denoised with every setting, {} in turn and in changing order, so that what else the machine did met all \
          of them. A setting's time is that of encoding the frame once and denoising it, in memory; reading and writing files overlap with \
          it in a run and are not in it. {own} Each setting differs from the default in what its name says: <em>window</em>, frames on each \
-         side; <em>levels</em>, of the kernels' pyramid, 4 by default; <em>no skipping</em>, nothing left out; <em>λ</em>, the dial, 1 by \
+         side; <em>no skipping</em>, nothing left out; <em>λ</em>, the dial, 1 by \
          default.</p>\n{peer}",
         if report.repeats == 1 { "once,".into() } else { format!("{} times", report.repeats) }
     )
