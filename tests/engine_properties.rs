@@ -5,7 +5,6 @@ mod engine_support;
 use std::sync::LazyLock;
 
 use engine_support::*;
-use hush::network::weights::Weights;
 use hush::{Denoised, Engine, Error, Frame, Settings};
 use ndarray::{Array2, Array3};
 use proptest::prelude::*;
@@ -196,43 +195,6 @@ fn lambda_outside_its_range_is_refused_below_and_clamped_above() {
 fn moving(step: (f32, f32), rows: usize, columns: usize) -> Array3<f32> {
     // Cycles: where the point was, then where it came from in the next frame, y up.
     Array3::from_shape_fn((rows, columns, 4), |(_, _, c)| [-step.0, step.1, -step.0, step.1][c])
-}
-
-#[test]
-fn a_point_is_looked_for_where_its_vectors_say() {
-    // The centre has no usable pixel and there is no coarser level to fill it from, so each output is a mean of 3×3 pixels of the
-    // neighbour around the point.
-    let weights = Weights::from_bytes("golden", SMALL_MODEL).unwrap();
-    let engine = Engine::from_weights(&weights, Settings { levels: 1, ..Settings::default() }).unwrap();
-    let (rows, columns) = (24, 32);
-    let ramp = Array3::from_shape_fn((rows, columns, 3), |(y, x, c)| [1.0 + x as f32, 1.0 + y as f32, 1.0][c]);
-    for (offset, vector, (dx, dy)) in [
-        (-1, [5.0, 7.0, 100.0, 100.0], (5i32, -7i32)),
-        (-1, [-6.0, -4.0, 100.0, 100.0], (-6, 4)),
-        (1, [100.0, 100.0, 5.0, 7.0], (-5, 7)),
-        (1, [100.0, 100.0, -6.0, -4.0], (6, -4)),
-    ] {
-        let mut centre = Frame::new(Array3::from_elem((rows, columns, 3), f32::NAN));
-        centre.vector = Some(Array3::from_shape_fn((rows, columns, 4), |(_, _, c)| vector[c]));
-        let centre = engine.encode(centre).unwrap();
-        let mut neighbour = Frame::new(ramp.clone());
-        neighbour.vector = Some(Array3::zeros((rows, columns, 4)));
-        let neighbour = engine.encode(neighbour).unwrap();
-        let image = engine.denoise(&centre, &[(offset, &neighbour)], 1.0).unwrap().colour;
-        let mut seen = 0;
-        for y in 0..rows as i32 {
-            for x in 0..columns as i32 {
-                let (px, py) = (x + dx, y + dy);
-                if (1..columns as i32 - 1).contains(&px) && (1..rows as i32 - 1).contains(&py) {
-                    let found = [image[[y as usize, x as usize, 0]] - 1.0, image[[y as usize, x as usize, 1]] - 1.0];
-                    let near = |v: f32, at: i32| (v - at as f32).abs() <= 1.001;
-                    assert!(near(found[0], px) && near(found[1], py), "{offset}: {found:?} at {x}, {y}, not {px}, {py}");
-                    seen += 1;
-                }
-            }
-        }
-        assert!(seen > 200, "{seen}");
-    }
 }
 
 /// Mean relative error of the inside of an image.

@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 use engine_support::SMALL_MODEL;
 use hush::io::{Selection, read_frame, read_layout, resolve};
 use hush::network::weights::Weights;
-use hush::stability::{Case, HAZARDS, Row, Suite, rendered, summary};
+use hush::stability::{Case, CheckRow, HAZARDS, Suite, rendered, summary};
 use hush::{Engine, Frame, Settings};
 use ndarray::s;
 use proptest::prelude::*;
@@ -19,11 +19,11 @@ static EMBEDDED: LazyLock<Suite> = LazyLock::new(|| Suite::new(&Weights::embedde
 /// Random ones: what must hold whatever was learnt.
 static RANDOM: LazyLock<Suite> = LazyLock::new(|| Suite::new(&Weights::from_bytes("golden", SMALL_MODEL).unwrap()).unwrap());
 
-fn line(r: &Row) -> String {
+fn line(r: &CheckRow) -> String {
     format!("{} | {} | {:.2e} of {:.1e} | {}", r.case, r.check, r.worst, r.bound, r.place)
 }
 
-fn failing(rows: &[Row]) -> Vec<String> {
+fn failing(rows: &[CheckRow]) -> Vec<String> {
     rows.iter().filter(|r| !r.passed).map(line).collect()
 }
 

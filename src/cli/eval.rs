@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::{Exit, print, print_json};
 use crate::error::Result;
-use crate::metrics::{EvaluateOptions, Scaling, evaluate};
+use crate::metrics::{EvaluateOptions, ImageChoice, Scaling, evaluate};
 
 /// Compares a denoised shot with its reference: SMAPE, relMSE, PSNR, SSIM, FLIP and flicker
 #[derive(Args)]
@@ -38,22 +38,17 @@ pub(super) struct EvalArgs {
 /// Runs the subcommand; frames that cannot be compared show in the exit code.
 pub(super) fn eval(args: &EvalArgs) -> Result<Exit> {
     let scaling = if args.no_scaling { Scaling::None } else { Scaling::ReferenceMean };
-    let options = EvaluateOptions {
-        scaling,
-        vectors: args.vectors.clone(),
-        layer: args.layer.clone(),
-        view: args.view.clone(),
-        vector_layer: args.vector_layer.clone(),
-    };
-    let report = evaluate(&args.reference, &args.denoised, &options)?;
+    let images = ImageChoice { layer: args.layer.clone(), view: args.view.clone(), vector_layer: args.vector_layer.clone() };
+    let options = EvaluateOptions { scaling, vectors: args.vectors.clone(), images };
+    let evaluation = evaluate(&args.reference, &args.denoised, &options)?;
     if args.json {
-        print_json(&report)
+        print_json(&evaluation)
     } else {
-        print(report.to_string().trim_end())
+        print(evaluation.to_string().trim_end())
     }
-    Ok(match report.failed() {
+    Ok(match evaluation.failed() {
         0 => Exit::Good,
-        n if n < report.frames.len() => Exit::Partly,
+        n if n < evaluation.frames.len() => Exit::Partly,
         _ => Exit::Nothing,
     })
 }

@@ -9,7 +9,7 @@ use super::advice::with_options;
 use super::progress::{Mode, error_text, line};
 use super::{print_json, say};
 use crate::shot;
-use crate::watch::{Event, Report, Waiting};
+use crate::watch::{Waiting, WatchEvent, WatchSummary};
 use crate::words::counted;
 
 /// Tells about a watch.
@@ -27,7 +27,7 @@ impl Status {
     }
 
     /// Tells about an event.
-    pub fn report(&self, event: &Event<'_>) {
+    pub fn report(&self, event: &WatchEvent<'_>) {
         match self.mode {
             Mode::Json => print_json(event),
             Mode::Quiet => {
@@ -46,25 +46,25 @@ impl Status {
         }
     }
 
-    fn update_bar(&self, event: &Event<'_>) {
+    fn update_bar(&self, event: &WatchEvent<'_>) {
         match event {
-            Event::Watching { .. } => {
+            WatchEvent::Watching { .. } => {
                 if let Ok(style) = ProgressStyle::with_template("{spinner} {wide_msg}") {
                     self.bar.set_style(style);
                 }
                 self.bar.set_draw_target(ProgressDrawTarget::stderr());
                 self.bar.enable_steady_tick(Duration::from_millis(250));
             }
-            Event::Waiting(waiting) => return self.bar.set_message(waiting_text(waiting)),
-            Event::Landed { .. } => return,
-            Event::Shot { shot, event: shot::Event::Working { frame } } => {
+            WatchEvent::Waiting(waiting) => return self.bar.set_message(waiting_text(waiting)),
+            WatchEvent::Landed { .. } => return,
+            WatchEvent::Shot { shot, event: shot::Event::Working { frame } } => {
                 return self.bar.set_message(format!("{shot}: denoising frame {frame}"));
             }
-            Event::Shot { shot, event: shot::Event::Progress { frame, fraction } } => {
+            WatchEvent::Shot { shot, event: shot::Event::Progress { frame, fraction } } => {
                 return self.bar.set_message(format!("{shot}: denoising frame {frame}, {:.0} %", 100.0 * fraction));
             }
-            Event::Shot { event: shot::Event::Frame { .. }, .. } => return,
-            Event::Done(_) => self.bar.finish_and_clear(),
+            WatchEvent::Shot { event: shot::Event::Frame { .. }, .. } => return,
+            WatchEvent::Done(_) => self.bar.finish_and_clear(),
             _ => {}
         }
         if let Some(line) = text(event) {
@@ -74,29 +74,33 @@ impl Status {
 }
 
 /// An event as one line.
-fn text(event: &Event<'_>) -> Option<String> {
+fn text(event: &WatchEvent<'_>) -> Option<String> {
     match event {
-        Event::Watching { input, output, polling } => {
+        WatchEvent::Watching { input, output, polling } => {
             let how = if *polling { ", scanning" } else { "" };
             Some(format!("watching {} → {}{how}", input.display(), output.display()))
         }
-        Event::Incomplete { shot, frame, reason, .. } => Some(format!("{shot}: frame {frame} is not whole yet: it {reason}")),
-        Event::Waiting(waiting) => Some(waiting_text(waiting)),
-        Event::Paused { message, .. } => Some(format!("paused: {message}")),
-        Event::Warning { message, .. } => Some(format!("warning: {}", with_options(message))),
-        Event::Done(report) => Some(done_text(report)),
-        Event::Shot { shot, event: shot::Event::Start { window, lambda, output, .. } } => {
+        WatchEvent::Incomplete { shot, frame, reason, .. } => {
+            Some(format!("{shot}: frame {frame} is not whole yet: it {reason}"))
+        }
+        WatchEvent::Waiting(waiting) => Some(waiting_text(waiting)),
+        WatchEvent::Paused { message, .. } => Some(format!("paused: {message}")),
+        WatchEvent::Warning { message, .. } => Some(format!("warning: {}", with_options(message))),
+        WatchEvent::Done(report) => Some(done_text(report)),
+        WatchEvent::Shot { shot, event: shot::Event::Start { window, lambda, output, .. } } => {
             Some(format!("{shot} → {}: window {window}, lambda {lambda}", output.display()))
         }
-        Event::Shot { shot, event } => line(event).map(|line| if shot.is_empty() { line } else { format!("{shot}: {line}") }),
+        WatchEvent::Shot { shot, event } => {
+            line(event).map(|line| if shot.is_empty() { line } else { format!("{shot}: {line}") })
+        }
         _ => None,
     }
 }
 
-fn error(event: &Event<'_>) -> Option<String> {
+fn error(event: &WatchEvent<'_>) -> Option<String> {
     match event {
-        Event::Shot { event: shot::Event::Error { frame, message }, .. } => Some(error_text(*frame, message)),
-        Event::Paused { .. } => text(event),
+        WatchEvent::Shot { event: shot::Event::Error { frame, message }, .. } => Some(error_text(*frame, message)),
+        WatchEvent::Paused { .. } => text(event),
         _ => None,
     }
 }
@@ -123,7 +127,7 @@ fn waiting_text(w: &Waiting) -> String {
     text
 }
 
-fn done_text(report: &Report) -> String {
+fn done_text(report: &WatchSummary) -> String {
     let mut text = format!("{} denoised", report.written);
     for (count, what) in
         [(report.skipped, "already done"), (report.failed.len(), "failed"), (report.degraded.len(), "without a bad neighbour")]
@@ -161,8 +165,14 @@ mod tests {
 
     #[test]
     fn the_end_counts_everything() {
-        let report =
-            Report { written: 4, skipped: 2, failed: vec![7], missing: "9".into(), interrupted: true, ..Report::default() };
+        let report = WatchSummary {
+            written: 4,
+            skipped: 2,
+            failed: vec![7],
+            missing: "9".into(),
+            interrupted: true,
+            ..WatchSummary::default()
+        };
         let text = done_text(&report);
         for part in ["4 denoised", "2 already done", "1 failed", "missing: 9", "stopped"] {
             assert!(text.contains(part), "{part} in {text}");

@@ -119,7 +119,7 @@ fn effect(rule: &RuleSummary, count: usize) -> String {
         }
         Rule::Opaque => format!("{verb} alpha {of}"),
         Rule::Still => format!("{} {:.1} neighbours a frame, {of}", if rule.on { "copies" } else { "would copy" }, rule.mean),
-        Rule::Untrusted | Rule::Repeated => format!("{verb} {:.1} neighbours a frame, {of}", rule.mean),
+        Rule::Untrusted => format!("{verb} {:.1} neighbours a frame, {of}", rule.mean),
     }
 }
 
@@ -135,7 +135,7 @@ mod tests {
             "leaves out 25.0 % of the pixels, at most 50.0 % of a frame, in 3 of 8 frames"
         );
         assert_eq!(
-            effect(&rule(Rule::Repeated, false, 1, 2.0, 4.0), 1),
+            effect(&rule(Rule::Untrusted, false, 1, 2.0, 4.0), 1),
             "would leave out 2.0 neighbours a frame, in 1 of 1 frame"
         );
         assert_eq!(effect(&rule(Rule::Opaque, true, 0, 0.0, 0.0), 8), "leaves out nothing");

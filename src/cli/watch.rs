@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 use crate::io::sequence::Sequence;
 use crate::settings::ShotQuery;
 use crate::shot::{CancelToken, Event, Job};
-use crate::watch::{self, Options, Report, watch};
+use crate::watch::{WatchEvent, WatchOptions, WatchSummary, watch};
 
 /// Denoises the frames of a folder while they are still being rendered
 ///
@@ -60,7 +60,7 @@ pub(super) fn watch_folder(args: &WatchArgs, catch_signals: CatchSignals) -> Res
     if let (Err(error), Mode::Json) = (&done, mode) {
         // A machine that reads events finds this one there too.
         let event = Event::Error { frame: None, message: error.to_string() };
-        status.report(&watch::Event::Shot { shot: "", event });
+        status.report(&WatchEvent::Shot { shot: "", event });
     }
     done
 }
@@ -69,7 +69,7 @@ fn watch_with(args: &WatchArgs, status: &Status, catch_signals: CatchSignals) ->
     let query = args.shot.query(&[]);
     let settings = query.settings(None)?;
     let output = settings.output()?;
-    let options = Options {
+    let options = WatchOptions {
         input: args.input.clone(),
         output: output.clone(),
         settle: args.settle,
@@ -110,7 +110,7 @@ fn job_of(query: &ShotQuery, sequence: Sequence, output: &Path, engine: &Engine)
     Job::of(&settings, sequence, Some(output.to_owned()))
 }
 
-fn exit_of(report: &Report) -> Exit {
+fn exit_of(report: &WatchSummary) -> Exit {
     if report.interrupted {
         Exit::Stopped
     } else if report.is_complete() {
@@ -147,11 +147,11 @@ mod tests {
 
     #[test]
     fn exit_codes_tell_what_happened() {
-        let report = || Report { frames: 3, written: 2, skipped: 1, ..Report::default() };
+        let report = || WatchSummary { frames: 3, written: 2, skipped: 1, ..WatchSummary::default() };
         assert_eq!(exit_of(&report()), Exit::Good);
-        assert_eq!(exit_of(&Report { failed: vec![2], ..report() }), Exit::Partly);
-        assert_eq!(exit_of(&Report { missing: "9".into(), ..report() }), Exit::Partly);
-        assert_eq!(exit_of(&Report { failed: vec![1], written: 0, skipped: 0, ..report() }), Exit::Nothing);
-        assert_eq!(exit_of(&Report { interrupted: true, ..report() }), Exit::Stopped);
+        assert_eq!(exit_of(&WatchSummary { failed: vec![2], ..report() }), Exit::Partly);
+        assert_eq!(exit_of(&WatchSummary { missing: "9".into(), ..report() }), Exit::Partly);
+        assert_eq!(exit_of(&WatchSummary { failed: vec![1], written: 0, skipped: 0, ..report() }), Exit::Nothing);
+        assert_eq!(exit_of(&WatchSummary { interrupted: true, ..report() }), Exit::Stopped);
     }
 }

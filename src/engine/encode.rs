@@ -2,7 +2,7 @@
 
 use super::{EncodedFrame, Engine, Scales, Stage};
 use crate::error::{Error, Result};
-use crate::frame::packed::{Guides, PackedFrame};
+use crate::frame::packed::{GuideViews, PackedFrame};
 use crate::frame::ranges::Ranges;
 use crate::frame::{Frame, FrameView};
 use crate::network::features::Features;
@@ -16,7 +16,7 @@ impl Engine {
             let packed = self.pack(&frame.view(), None)?;
             // Of the frame only the guides are needed from here on: large frames want the memory.
             let Frame { albedo, normal, .. } = frame;
-            let guides = Guides { albedo: albedo.as_ref().map(|a| a.view()), normal: normal.as_ref().map(|n| n.view()) };
+            let guides = GuideViews { albedo: albedo.as_ref().map(|a| a.view()), normal: normal.as_ref().map(|n| n.view()) };
             Ok(self.finish_encoding(packed, &guides))
         })
     }
@@ -24,7 +24,7 @@ impl Engine {
     /// As [`Engine::encode`], for passes that lie elsewhere, in any layout; none of them is copied.
     pub fn encode_view(&self, frame: &FrameView) -> Result<EncodedFrame> {
         self.clock.time(Stage::Encode, || {
-            let guides = Guides { albedo: frame.albedo, normal: frame.normal };
+            let guides = GuideViews { albedo: frame.albedo, normal: frame.normal };
             Ok(self.finish_encoding(self.pack(frame, None)?, &guides))
         })
     }
@@ -33,7 +33,7 @@ impl Engine {
     /// like does not depend on how it was cut, but for the pixels near its borders.
     pub fn encode_part(&self, part: &FrameView, scales: Scales) -> Result<EncodedFrame> {
         self.clock.time(Stage::Encode, || {
-            let guides = Guides { albedo: part.albedo, normal: part.normal };
+            let guides = GuideViews { albedo: part.albedo, normal: part.normal };
             Ok(self.finish_encoding(self.pack(part, Some(scales))?, &guides))
         })
     }
@@ -64,7 +64,7 @@ impl Engine {
         })
     }
 
-    fn finish_encoding(&self, packed: PackedFrame, guides: &Guides) -> EncodedFrame {
+    fn finish_encoding(&self, packed: PackedFrame, guides: &GuideViews) -> EncodedFrame {
         self.in_pool(|| {
             let features = self.encoder.run(self.isa, &packed, guides);
             EncodedFrame { ranges: Ranges::new(&packed), packed, features }

@@ -3,16 +3,15 @@
 use clock::Clock;
 pub use clock::{STAGES, Stage};
 pub use identity::{Identity, ModelId};
-use ndarray::{Array2, Array3, s};
+use ndarray::{Array3, s};
 use paths::{Path, paths};
-use settings::check_levels;
-pub use settings::{LEVELS, Settings};
+pub use settings::Settings;
 pub use steps::Listener;
 use steps::{Mark, Steps, UNHEARD};
 use unpack::{own_pixels, unpack};
 
 use crate::error::{Error, Result};
-use crate::frame::Aov;
+pub use crate::frame::Denoised;
 use crate::frame::packed::PackedFrame;
 pub use crate::frame::packed::Scales;
 use crate::frame::ranges::Ranges;
@@ -68,17 +67,6 @@ impl EncodedFrame {
     }
 }
 
-/// One denoised frame, the same sizes and passes as the input.
-#[derive(Clone, Debug)]
-pub struct Denoised {
-    /// (rows, columns, 3), linear.
-    pub colour: Array3<f32>,
-    /// (rows, columns) where the input had alpha.
-    pub alpha: Option<Array2<f32>>,
-    /// In the input's order.
-    pub aovs: Vec<Aov>,
-}
-
 /// The network with its weights, ready to run. Shared between threads.
 pub struct Engine {
     settings: Settings,
@@ -111,7 +99,6 @@ impl Engine {
     /// An engine with weights in memory, and with the encoder of their first renderer or of the one that
     /// [`Weights::for_renderer`] chose. Errors name the tensor that is missing or misshapen, or a setting out of its range.
     pub fn from_weights(weights: &Weights, settings: Settings) -> Result<Self> {
-        check_levels(settings.levels)?;
         let a = &weights.architecture;
         let bad_threads = |e: rayon::ThreadPoolBuildError| Error::BadSetting { name: "threads", reason: e.to_string() };
         let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(bad_threads);
@@ -177,7 +164,7 @@ impl Engine {
         neighbours: &[(i32, &EncodedFrame)],
         lambda: f32,
     ) -> Result<(Denoised, LeftOut)> {
-        self.denoise_with(centre, neighbours, lambda, (self.settings.skip, self.settings.levels))
+        self.denoise_with(centre, neighbours, lambda, self.settings.skip)
     }
 
     /// As [`denoise_and_tell`](Self::denoise_and_tell); `listener` hears how far it is, 0…1 and rising, between the stages of each
@@ -189,19 +176,18 @@ impl Engine {
         lambda: f32,
         listener: Listener<'_>,
     ) -> Result<(Denoised, LeftOut)> {
-        self.denoise_checked(centre, neighbours, lambda, (self.settings.skip, self.settings.levels), listener)
+        self.denoise_checked(centre, neighbours, lambda, self.settings.skip, listener)
     }
 
-    /// As [`denoise_and_tell`](Self::denoise_and_tell), leaving out what `skip` says and using as many pyramid levels as
-    /// `levels` says (1 to 4, at most what the weights have) instead of what the settings say.
+    /// As [`denoise_and_tell`](Self::denoise_and_tell), leaving out what `skip` says instead of what the settings say.
     pub fn denoise_with(
         &self,
         centre: &EncodedFrame,
         neighbours: &[(i32, &EncodedFrame)],
         lambda: f32,
-        rules: (Skip, usize),
+        skip: Skip,
     ) -> Result<(Denoised, LeftOut)> {
-        self.denoise_checked(centre, neighbours, lambda, rules, UNHEARD.listener)
+        self.denoise_checked(centre, neighbours, lambda, skip, UNHEARD.listener)
     }
 
     fn denoise_checked(
@@ -209,10 +195,9 @@ impl Engine {
         centre: &EncodedFrame,
         neighbours: &[(i32, &EncodedFrame)],
         lambda: f32,
-        (skip, levels): (Skip, usize),
+        skip: Skip,
         listener: Listener<'_>,
     ) -> Result<(Denoised, LeftOut)> {
-        check_levels(levels)?;
         let (least, most) = LAMBDA_RANGE;
         if lambda.is_nan() || lambda < least {
             return Err(Error::BadSetting { name: "lambda", reason: format!("{lambda} is not in {least}…{most}") });
@@ -224,14 +209,14 @@ impl Engine {
                 reason: "was only looked at, or encoded for another network: encode it".into(),
             });
         }
-        Ok(self.in_pool(|| self.run(&self.plan(centre, neighbours, skip, levels), lambda, listener)))
+        Ok(self.in_pool(|| self.run(&self.plan(centre, neighbours, skip), lambda, listener)))
     }
 
     /// What `skip` leaves out of `centre`; arguments as for [`denoise`](Self::denoise), and frames that were only
     /// [looked at](Self::look) do. A neighbour counts as untrusted if no pixel of the whole frame may use it.
     pub fn left_out(&self, centre: &EncodedFrame, neighbours: &[(i32, &EncodedFrame)], skip: Skip) -> LeftOut {
         self.in_pool(|| {
-            let plan = self.plan(centre, neighbours, skip, self.settings.levels);
+            let plan = self.plan(centre, neighbours, skip);
             let used = |path: &Path| {
                 let frames: Vec<&PackedFrame> = path.frames.iter().map(|f| &f.packed).collect();
                 !skip.untrusted || any_trusted(&frames, (path.offset, path.is_still()))
@@ -242,27 +227,16 @@ impl Engine {
 
     /// What denoising `centre` holds in memory besides the images; arguments as for [`denoise`](Self::denoise).
     pub fn footprint(&self, centre: &EncodedFrame, neighbours: &[(i32, &EncodedFrame)]) -> Footprint {
-        let plan = self.plan(centre, neighbours, self.settings.skip, self.settings.levels);
+        let plan = self.plan(centre, neighbours, self.settings.skip);
         let area = self.tiles(&plan).0.iter().map(|t| t.region.area()).max().unwrap_or(0);
         Footprint { window: plan.window_bytes(), tile: area * self.bytes_per_pixel(&plan.channels, plan.paths.len()) }
     }
 
-    fn plan<'a>(
-        &self,
-        centre: &'a EncodedFrame,
-        neighbours: &[(i32, &'a EncodedFrame)],
-        skip: Skip,
-        levels: usize,
-    ) -> FramePlan<'a> {
+    fn plan<'a>(&self, centre: &'a EncodedFrame, neighbours: &[(i32, &'a EncodedFrame)], skip: Skip) -> FramePlan<'a> {
         let packed = &centre.packed;
         let mut left_out = LeftOut::default();
         let mut channels = Channels::new(packed.extra, packed.has_alpha);
-        let mut paths = paths(centre, neighbours);
-        if skip.repeated {
-            let before = paths.len();
-            paths.retain(|path| path.neighbour().packed.groups[0][..] != packed.groups[0][..]);
-            left_out.repeated = before - paths.len();
-        }
+        let paths = paths(centre, neighbours);
         let window = || paths.iter().map(Path::neighbour).chain([centre]);
         if skip.opaque && channels.alpha && window().all(|f| f.ranges.opaque) {
             channels = channels.opaque();
@@ -280,7 +254,7 @@ impl Engine {
             left_out.constant = 1.0 - (kept as f64 / whole.area() as f64).min(1.0);
         }
         left_out.still = if skip.still { paths.iter().filter(|p| p.is_still()).count() } else { 0 };
-        FramePlan { centre, paths, channels, parts, skip, levels, left_out }
+        FramePlan { centre, paths, channels, parts, skip, left_out }
     }
 
     fn run(&self, plan: &FramePlan, lambda: f32, listener: Listener<'_>) -> (Denoised, LeftOut) {
@@ -367,7 +341,7 @@ impl Engine {
         let pyramid = self.clock.time(Stage::Coarse, || {
             let own = centre_planes(self.isa, &centre.packed, region, &channels, margins.full);
             let full = Level { centre: own, neighbours: images };
-            pyramid_of(self.isa, full, &channels, margins, (plan.levels.min(self.levels), centre.packed.exposure))
+            pyramid_of(self.isa, full, &channels, margins, (self.levels, centre.packed.exposure))
         });
         steps.reached(Mark::PYRAMID);
         let neighbours: Vec<Neighbour> =
@@ -402,7 +376,7 @@ impl Engine {
 
     #[cfg(test)]
     fn stages(&self, centre: &EncodedFrame, neighbours: &[(i32, &EncodedFrame)], lambda: f32) -> Stages {
-        let plan = self.plan(centre, neighbours, self.settings.skip, self.settings.levels);
+        let plan = self.plan(centre, neighbours, self.settings.skip);
         let whole = Rect { row: 0, column: 0, rows: centre.packed.padded_rows / 2, columns: centre.packed.padded_columns / 2 };
         self.tile(&plan, Tile { core: whole, region: whole }, lambda, UNHEARD)
     }
@@ -416,7 +390,6 @@ struct FramePlan<'a> {
     /// In half-resolution pixels; the rest keeps its own pixels.
     parts: Vec<Rect>,
     skip: Skip,
-    levels: usize,
     left_out: LeftOut,
 }
 

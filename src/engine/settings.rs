@@ -1,11 +1,7 @@
 //! How an engine works.
 
-use crate::error::{Error, Result};
 use crate::rules::skip::Skip;
 use crate::simd::Isa;
-
-/// Levels of the kernels' pyramid at most; weights may have one fewer.
-pub use crate::network::weights::LEVELS;
 
 /// How to denoise.
 #[derive(Clone, Debug)]
@@ -15,10 +11,6 @@ pub struct Settings {
     pub memory: Option<u64>,
     /// What may be left out.
     pub skip: Skip,
-    /// Levels of the kernels' pyramid that are used, 1 to 4, at most those that the weights have. Below that the coarsest are not
-    /// computed, and the kernels do without their taps: faster, what is noisy over many pixels stays so, and wide holes of bad
-    /// pixels are filled less far. The network was trained with all.
-    pub levels: usize,
     /// The instruction set; None is the fastest. AVX2 and AVX-512 give the same bits, the portable path agrees to 1e-4.
     pub isa: Option<Isa>,
     /// Threads that compute; None is rayon's pool of all cores. Any number gives the same bits.
@@ -27,12 +19,6 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { memory: None, skip: Skip::default(), levels: LEVELS, isa: None, threads: None }
+        Self { memory: None, skip: Skip::default(), isa: None, threads: None }
     }
-}
-
-/// Whether there are that many levels.
-pub(super) fn check_levels(levels: usize) -> Result<()> {
-    let fits = (1..=LEVELS).contains(&levels);
-    fits.then_some(()).ok_or_else(|| Error::BadSetting { name: "levels", reason: format!("{levels} is not in 1…{LEVELS}") })
 }

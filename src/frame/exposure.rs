@@ -3,7 +3,7 @@
 use ndarray::ArrayView3;
 use rayon::prelude::*;
 
-use super::packed::radiance;
+use super::sanitise::radiance;
 
 /// Pixels a block is wide and high, and its parts.
 const BLOCK: usize = 16;
@@ -15,7 +15,7 @@ const FIREFLY: f64 = 1000.0;
 const LIT: f64 = 1e-6;
 
 /// Mean luminance of a block, and of its darkest part; zero where no pixel is finite.
-struct Block {
+struct BlockLight {
     mean: f64,
     least: f64,
 }
@@ -25,7 +25,7 @@ struct Block {
 /// A few pixels that are absurdly bright do not matter: the brightest block is one that has its light in all its parts.
 pub fn exposure(colour: ArrayView3<f32>) -> f32 {
     let (rows, columns, _) = colour.dim();
-    let blocks: Vec<Block> = (0..rows.div_ceil(BLOCK))
+    let blocks: Vec<BlockLight> = (0..rows.div_ceil(BLOCK))
         .into_par_iter()
         .flat_map_iter(|by| (0..columns.div_ceil(BLOCK)).map(move |bx| (by, bx)))
         .map(|(by, bx)| block(colour, by * BLOCK, bx * BLOCK))
@@ -38,7 +38,7 @@ pub fn exposure(colour: ArrayView3<f32>) -> f32 {
     if count == 0 { 1.0 } else { (0.18 / (sum / f64::from(count)).exp2()).clamp(1e-35, 1e35) as f32 }
 }
 
-fn block(colour: ArrayView3<f32>, row: usize, column: usize) -> Block {
+fn block(colour: ArrayView3<f32>, row: usize, column: usize) -> BlockLight {
     let (rows, columns, _) = colour.dim();
     let (mut sums, mut counts) = ([0.0f64; PARTS], [0u32; PARTS]);
     for y in row..rows.min(row + BLOCK) {
@@ -53,7 +53,7 @@ fn block(colour: ArrayView3<f32>, row: usize, column: usize) -> Block {
     }
     let means = sums.iter().zip(counts).filter(|(_, n)| *n > 0).map(|(sum, n)| sum / f64::from(n));
     let least = means.reduce(f64::min).unwrap_or(0.0);
-    Block { mean: sums.iter().sum::<f64>() / f64::from(counts.iter().sum::<u32>().max(1)), least }
+    BlockLight { mean: sums.iter().sum::<f64>() / f64::from(counts.iter().sum::<u32>().max(1)), least }
 }
 
 #[cfg(test)]

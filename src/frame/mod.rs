@@ -4,6 +4,7 @@ pub mod exposure;
 pub mod packed;
 pub mod pixels;
 pub mod ranges;
+pub mod sanitise;
 
 use std::ops::Range;
 
@@ -67,6 +68,17 @@ impl Frame {
             aovs: self.aovs.iter().map(|a| (a.name.as_str(), a.image.view())).collect(),
         }
     }
+}
+
+/// One denoised frame, the same sizes and passes as the input.
+#[derive(Clone, Debug)]
+pub struct Denoised {
+    /// (rows, columns, 3), scene-linear.
+    pub colour: Array3<f32>,
+    /// (rows, columns), 0…1, where the input had alpha.
+    pub alpha: Option<Array2<f32>>,
+    /// The light passes, in the input's order.
+    pub aovs: Vec<Aov>,
 }
 
 /// The passes of one frame where they lie; what each is stands with [`Frame`].

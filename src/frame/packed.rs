@@ -8,17 +8,11 @@ use rayon::prelude::*;
 use super::FrameView;
 use super::exposure::exposure;
 use super::pixels::Pixels;
+use super::sanitise::{MAX_RADIANCE, bounded, front, radiance};
 use crate::error::Result;
 
 /// Frames are padded to a multiple of this in both directions: three 2×2 down-samplings.
 pub const ALIGNMENT: usize = 8;
-
-/// The brightest radiance that is kept as it is; more is clamped so that sums stay finite.
-const BRIGHTEST: f32 = 1e35;
-/// Depths from here on are background (Cycles' Depth pass has 1e10).
-const BACKGROUND_DEPTH: f32 = 1e9;
-/// Nearer is no depth either: one over the mean depth, and any depth times it, must be finite.
-const NEAREST_DEPTH: f32 = 1e-20;
 
 /// Lane of the first demodulated colour channel.
 pub const COLOUR: usize = 0;
@@ -52,18 +46,9 @@ pub struct PackedFrame {
 }
 
 /// The guides as the encoder sees them, at the frame's own size.
-pub struct Guides<'a> {
+pub struct GuideViews<'a> {
     pub albedo: Option<ArrayView3<'a, f32>>,
     pub normal: Option<ArrayView3<'a, f32>>,
-}
-
-pub(super) fn radiance(x: f32) -> f32 {
-    x.clamp(0.0, BRIGHTEST)
-}
-
-/// A guide's value in low…1; NaN is 0.
-pub fn bounded(v: f32, low: f32) -> f32 {
-    if v.is_nan() { 0.0 } else { v.clamp(low, 1.0) }
 }
 
 /// What the values of a frame are brought to the network's range by; they depend on all of its pixels.
@@ -126,7 +111,7 @@ impl PackedFrame {
                 for (x, lanes) in row.iter_mut().enumerate() {
                     let x = x.min(columns - 1);
                     let value = image.0[[y, x]];
-                    let value = if value.is_finite() { value.clamp(-BRIGHTEST, BRIGHTEST) } else { 0.0 };
+                    let value = if value.is_finite() { value.clamp(-MAX_RADIANCE, MAX_RADIANCE) } else { 0.0 };
                     lanes[lane] = image.1.map_or(value.clamp(0.0, 1.0), |c| value / base[y * padded_columns + x][MODULATION + c]);
                 }
             });
@@ -160,11 +145,6 @@ fn pack_vectors(v: ArrayView3<f32>, padded_rows: usize, padded_columns: usize) -
         }
     });
     out
-}
-
-/// A depth in front of the background, else 0.
-fn front(z: f32) -> f32 {
-    if z > NEAREST_DEPTH && z < BACKGROUND_DEPTH { z } else { 0.0 }
 }
 
 /// One over the mean of the depths in front of the background, where the colour is finite; 1 where there are none.

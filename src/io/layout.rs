@@ -6,8 +6,8 @@ use exr::compression::Compression;
 use serde::Serialize;
 
 use super::container::RawHeader;
+use super::exr_file::ExrFile;
 use super::names::{self, ChannelName};
-use super::source::Source;
 use crate::error::Result;
 
 /// How a channel stores its numbers.
@@ -72,6 +72,11 @@ impl Pass {
     /// The channels of these components in this order, or None where one is missing.
     pub fn components(&self, components: &[&str]) -> Option<Vec<Channel>> {
         components.iter().map(|c| self.channel(c).cloned()).collect()
+    }
+
+    /// The channels R, G, B, if they are numbers with a fraction.
+    pub(super) fn rgb(&self) -> Option<Vec<Channel>> {
+        self.components(&["R", "G", "B"]).filter(|channels| channels.iter().all(|c| c.sample != SampleType::Uint))
     }
 }
 
@@ -157,10 +162,10 @@ impl ViewLayer {
 /// [`crate::Error::Io`] if the file cannot be opened; [`crate::Error::BadFile`] if it is no EXR file, is cut short in its header,
 /// claims an impossible size, or is of a kind that Hush does not read (deep, subsampled, mipmapped, HTJ2K).
 pub fn read_layout(path: &Path) -> Result<Layout> {
-    Ok(describe(path, &Source::open(path)?))
+    Ok(describe(path, &ExrFile::open(path)?))
 }
 
-pub(crate) fn describe(path: &Path, source: &Source) -> Layout {
+pub(crate) fn describe(path: &Path, source: &ExrFile) -> Layout {
     let raw = &source.prologue.headers;
     let text = |name: &str| raw.iter().find_map(|h| text_attribute(h, name));
     let views = raw.iter().find_map(|h| h.get("multiView")).map(text_vector).unwrap_or_default();

@@ -2,17 +2,17 @@
 
 use super::layout::{Layout, Pass, ViewLayer};
 use super::names::{self, LIGHT_PASSES, LightPass};
-use super::select::{AovRef, Missing, PassRef, Window, rgb, window_of};
+use super::resolved::{AovRef, DataWindow, Missing, PassRef};
 use crate::error::{Error, Result};
 
 /// The light passes of `wanted` in a layer and view, and what is missing for `all`. A pass that was named and is not there
 /// (or whose Color pass is not) is an error; under `all` it is left out.
-pub(crate) fn find(
+pub(super) fn find(
     layout: &Layout,
     layer: &ViewLayer,
     view: Option<&str>,
     wanted: &[String],
-    window: Option<Window>,
+    window: Option<DataWindow>,
 ) -> Result<(Vec<AovRef>, Vec<Missing>)> {
     let finder = Finder { layout, layer, view, window };
     let (mut found, mut missing): (Vec<AovRef>, Vec<Missing>) = Default::default();
@@ -59,7 +59,7 @@ struct Finder<'a> {
     layout: &'a Layout,
     layer: &'a ViewLayer,
     view: Option<&'a str>,
-    window: Option<Window>,
+    window: Option<DataWindow>,
 }
 
 impl<'a> Finder<'a> {
@@ -96,9 +96,9 @@ impl<'a> Finder<'a> {
 
     fn reference(&self, pass: &Pass) -> Result<PassRef, Missing> {
         let missing = |advice: &str| Missing { pass: pass.name.clone(), advice: advice.into() };
-        let channels = rgb(pass).ok_or_else(|| missing("the pass is there, but not with the channels R, G, B"))?;
-        let reference = PassRef { layer: self.layer.name.clone(), pass: pass.name.clone(), view: pass.view.clone(), channels };
-        match window_of(self.layout, &reference) == self.window {
+        let channels = pass.rgb().ok_or_else(|| missing("the pass is there, but not with the channels R, G, B"))?;
+        let reference = PassRef::new(self.layer, pass, channels);
+        match reference.data_window(self.layout) == self.window {
             true => Ok(reference),
             false => Err(missing("the pass is there, but in another size than the image")),
         }

@@ -6,6 +6,8 @@
 mod atomic;
 mod codec;
 mod container;
+mod exr_file;
+mod guides;
 mod inspect;
 mod layout;
 mod lights;
@@ -15,10 +17,13 @@ mod output_parts;
 mod pass_names;
 mod read;
 mod recombine;
+mod resolved;
 mod select;
+mod selection;
 pub mod sequence;
-mod source;
+mod sequence_search;
 mod validate;
+mod view_layers;
 mod write;
 
 pub use atomic::{is_part_file, write_atomically};
@@ -27,6 +32,9 @@ pub use layout::{Channel, Layout, Part, Pass, SampleType, ViewLayer, read_layout
 pub(crate) use numbering::{NumberPattern, split_number};
 pub use pass_names::PassNames;
 pub use read::read_frame;
-pub use select::{AovRef, Guides, Missing, PassRef, Resolved, Selection, made_for_vectors, resolve, resolve_views};
+pub use resolved::{AovRef, Missing, PassRef, Resolved};
+pub use select::{resolve, resolve_views};
+pub(crate) use selection::NOISY;
+pub use selection::{Guides, Selection, made_for_vectors};
 pub use validate::is_complete;
 pub use write::{WriteOptions, caveats, write_denoised, write_views};

@@ -13,12 +13,13 @@ use rayon::prelude::*;
 
 use super::codec;
 use super::container::{Prologue, RawChannel};
+use super::exr_file::{Chunk, ExrFile, parse_headers};
 use super::layout::{Layout, SampleType, ViewLayer};
 use super::names;
 use super::read::{batch_length, channel_offsets};
-use super::recombine::Place;
-use super::select::{NOISY, Resolved};
-use super::source::{Chunk, Source, parse_headers};
+use super::recombine::ChannelPlace;
+use super::resolved::Resolved;
+use super::selection::NOISY;
 use crate::error::{Error, Result};
 
 /// Attributes that describe one part.
@@ -28,62 +29,62 @@ const PART_OWN: [&[u8]; 9] =
 const HALF_MAX: f32 = 65504.0;
 
 /// Planes (rows, columns) that replace channels of the source.
-pub(crate) type Edits<'a> = HashMap<Place, CowArray<'a, f32, Ix2>>;
+pub(crate) type Edits<'a> = HashMap<ChannelPlace, CowArray<'a, f32, Ix2>>;
 
-/// Where an output channel comes from.
+/// Where an output channel's samples come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Origin {
+enum ChannelSamples {
     /// A channel of the source part, bit for bit.
     Copy(usize),
     /// The edit at this place.
-    Edit(Place),
+    Edit(ChannelPlace),
 }
 
-struct OutPart {
+struct PartDraft {
     /// The part of the source whose chunks these are.
     source: usize,
     /// Not there in the source.
     added: bool,
-    channels: Vec<(RawChannel, Origin)>,
+    channels: Vec<(RawChannel, ChannelSamples)>,
 }
 
 /// The output's header, and for each of its parts where the channels come from.
-pub(crate) struct Plan {
+pub(crate) struct OutputParts {
     prologue: Prologue,
-    parts: Vec<OutPart>,
+    parts: Vec<PartDraft>,
     /// Of each part of the source.
     chunk_counts: Vec<usize>,
     channel_counts: Vec<usize>,
 }
 
-/// A plan that is ready to be written.
-pub(crate) struct Finished {
+/// The output ready to be written.
+pub(crate) struct OutputFile {
     prologue: Vec<u8>,
     multipart: bool,
-    parts: Vec<FinishedPart>,
+    parts: Vec<OutputPart>,
 }
 
-struct FinishedPart {
+struct OutputPart {
     source: usize,
     added: bool,
     header: Header,
     /// None: the chunks are copied byte for byte.
-    origins: Option<Vec<Origin>>,
+    samples: Option<Vec<ChannelSamples>>,
 }
 
-impl Plan {
+impl OutputParts {
     /// The source as it is, with `edits` in it.
-    pub fn new(source: &Source, edits: &Edits) -> Self {
+    pub fn new(source: &ExrFile, edits: &Edits) -> Self {
         let part = |(part, header): (usize, &super::container::RawHeader)| {
-            let origin = |index: usize| match edits.contains_key(&(part, index)) {
-                true => Origin::Edit((part, index)),
-                false => Origin::Copy(index),
+            let samples = |index: usize| match edits.contains_key(&(part, index)) {
+                true => ChannelSamples::Edit((part, index)),
+                false => ChannelSamples::Copy(index),
             };
             let channels = header.channels().unwrap_or_default();
-            OutPart {
+            PartDraft {
                 source: part,
                 added: false,
-                channels: channels.into_iter().enumerate().map(|(i, c)| (c, origin(i))).collect(),
+                channels: channels.into_iter().enumerate().map(|(i, c)| (c, samples(i))).collect(),
             }
         };
         let parts = source.prologue.headers.iter().enumerate().map(part).collect();
@@ -107,7 +108,7 @@ impl Plan {
             if name.len() > 255 {
                 return Err(Error::bad_file(&layout.path, "has layer names too long for adding the pass Noisy Image"));
             }
-            added.push((RawChannel { name: name.into_bytes(), ..raw.clone() }, Origin::Copy(channel.index)));
+            added.push((RawChannel { name: name.into_bytes(), ..raw.clone() }, ChannelSamples::Copy(channel.index)));
         }
         if !own_part {
             self.parts[part].channels.extend(added);
@@ -121,7 +122,7 @@ impl Plan {
         }
         header.set("name", "string", name.into_bytes());
         self.prologue.headers.push(header);
-        self.parts.push(OutPart { source: part, added: true, channels: added });
+        self.parts.push(PartDraft { source: part, added: true, channels: added });
         Ok(())
     }
 
@@ -146,7 +147,7 @@ impl Plan {
     /// Puts the parts that hold nothing but this layer behind all others.
     pub fn put_last(&mut self, layer: &ViewLayer) {
         let channels = || layer.passes.iter().flat_map(|p| &p.channels);
-        let within = |part: &OutPart| {
+        let within = |part: &PartDraft| {
             part.channels.iter().all(|(raw, _)| channels().any(|c| c.part == part.source && c.name.as_bytes() == raw.name))
         };
         let headers = std::mem::take(&mut self.prologue.headers);
@@ -173,7 +174,7 @@ impl Plan {
     }
 
     /// Sorts the channels as the format demands and finds the parts that can be copied byte for byte.
-    pub fn finish(mut self) -> Result<Finished, String> {
+    pub fn finish(mut self) -> Result<OutputFile, String> {
         for (part, header) in self.parts.iter_mut().zip(&mut self.prologue.headers) {
             part.channels.sort_by(|a, b| a.0.name.cmp(&b.0.name));
             header.set_channels(part.channels.iter().map(|(raw, _)| raw.clone()).collect());
@@ -181,12 +182,12 @@ impl Plan {
         let prologue = self.prologue.to_bytes();
         let headers = parse_headers(&prologue)?;
         let parts = self.parts.iter().zip(headers).map(|(part, header)| {
-            let origins: Vec<Origin> = part.channels.iter().map(|(_, origin)| *origin).collect();
-            let same = self.channel_counts.get(part.source) == Some(&origins.len())
-                && origins.iter().enumerate().all(|(i, origin)| *origin == Origin::Copy(i));
-            FinishedPart { source: part.source, added: part.added, header, origins: (!same).then_some(origins) }
+            let samples: Vec<ChannelSamples> = part.channels.iter().map(|(_, samples)| *samples).collect();
+            let same = self.channel_counts.get(part.source) == Some(&samples.len())
+                && samples.iter().enumerate().all(|(i, from)| *from == ChannelSamples::Copy(i));
+            OutputPart { source: part.source, added: part.added, header, samples: (!same).then_some(samples) }
         });
-        Ok(Finished { multipart: self.prologue.is_multipart(), parts: parts.collect(), prologue })
+        Ok(OutputFile { multipart: self.prologue.is_multipart(), parts: parts.collect(), prologue })
     }
 }
 
@@ -196,12 +197,12 @@ fn noisy_name(layout: &Layout, resolved: &Resolved, component: &str, with_view: 
     names::join(&resolved.layer, NOISY, view, component)
 }
 
-impl Finished {
+impl OutputFile {
     /// Writes the file: header, chunk tables, then the chunks in the source's order, those of added parts last.
     pub fn write(
         &self,
         path: &Path,
-        source: &mut Source,
+        source: &mut ExrFile,
         edits: &Edits,
         file: &mut BufWriter<File>,
         destination: &Path,
@@ -248,28 +249,28 @@ impl Finished {
     }
 }
 
-impl FinishedPart {
+impl OutputPart {
     /// A chunk of the source as a chunk of this part.
     fn encode(&self, sources: &[Header], edits: &Edits, mut chunk: Chunk) -> Result<Chunk, String> {
-        let Some(origins) = &self.origins else { return Ok(chunk) };
+        let Some(samples) = &self.samples else { return Ok(chunk) };
         let from = &sources[self.source];
         let (from_offsets, from_bytes) = channel_offsets(from);
         let (_, to_bytes) = channel_offsets(&self.header);
         let (width, height) = (chunk.bounds.size.0, chunk.bounds.size.1);
         let (x, y) = (chunk.bounds.position.0 as usize, chunk.bounds.position.1 as usize);
-        let needs_source = origins.iter().any(|o| matches!(o, Origin::Copy(_)));
+        let needs_source = samples.iter().any(|o| matches!(o, ChannelSamples::Copy(_)));
         let data = std::mem::take(&mut chunk.data);
         let rows = if needs_source { codec::decode(from, chunk.bounds, data)? } else { Vec::new() };
         let mut out = Vec::with_capacity(to_bytes * width * height);
         for row in 0..height {
-            for (origin, channel) in origins.iter().zip(&self.header.channels.list) {
+            for (origin, channel) in samples.iter().zip(&self.header.channels.list) {
                 let sample = SampleType::from(channel.sample_type);
                 match origin {
-                    Origin::Copy(index) => {
+                    ChannelSamples::Copy(index) => {
                         let start = (row * from_bytes + from_offsets[*index]) * width;
                         out.extend_from_slice(&rows[start..start + width * sample.bytes()]);
                     }
-                    Origin::Edit(place) => {
+                    ChannelSamples::Edit(place) => {
                         let plane = edits.get(place).ok_or("lost a denoised channel")?;
                         let line: Vec<f32> = plane.slice(s![y + row, x..x + width]).to_vec();
                         append(&mut out, &line, sample);

@@ -8,9 +8,9 @@ use ndarray::{Array2, Array3, Axis, Zip};
 use rayon::prelude::*;
 
 use super::codec;
+use super::exr_file::{Chunk, ExrFile};
 use super::layout::{Channel, Layout, SampleType};
-use super::select::Resolved;
-use super::source::{Chunk, Source};
+use super::resolved::{PassRef, Resolved};
 use crate::error::{Error, Result};
 use crate::frame::{Aov, Frame};
 
@@ -22,7 +22,7 @@ use crate::frame::{Aov, Frame};
 pub fn read_frame(layout: &Layout, resolved: &Resolved) -> Result<Frame> {
     let mut source = open_again(layout)?;
     let r = resolved;
-    let optional = |pass: &Option<super::select::PassRef>| pass.as_ref().map(|p| p.channels.clone()).unwrap_or_default();
+    let optional = |pass: &Option<PassRef>| pass.as_ref().map(|p| p.channels.clone()).unwrap_or_default();
     let mut wanted = vec![
         r.colour.channels.clone(),
         r.alpha.iter().cloned().collect(),
@@ -54,8 +54,8 @@ pub fn read_frame(layout: &Layout, resolved: &Resolved) -> Result<Frame> {
 }
 
 /// Opens a file whose layout is known, and makes sure that it is still the same file.
-pub(crate) fn open_again(layout: &Layout) -> Result<Source> {
-    let source = Source::open(&layout.path)?;
+pub(crate) fn open_again(layout: &Layout) -> Result<ExrFile> {
+    let source = ExrFile::open(&layout.path)?;
     match super::layout::describe(&layout.path, &source) == *layout {
         true => Ok(source),
         false => Err(Error::bad_file(&layout.path, "changed while it was being read")),
@@ -65,7 +65,7 @@ pub(crate) fn open_again(layout: &Layout) -> Result<Source> {
 /// Reads planes, one a channel.
 pub(crate) fn read_planes(
     path: &Path,
-    source: &mut Source,
+    source: &mut ExrFile,
     channels: &[Channel],
     size: (usize, usize),
 ) -> Result<Vec<Array2<f32>>> {
@@ -77,7 +77,7 @@ pub(crate) fn read_planes(
 /// Reads images of (rows, columns, channels), one for each non-empty list of channels; each part is decoded once.
 fn read_images(
     path: &Path,
-    source: &mut Source,
+    source: &mut ExrFile,
     wanted: &[Vec<Channel>],
     size: (usize, usize),
 ) -> Result<Vec<Option<Array3<f32>>>> {
@@ -118,7 +118,7 @@ fn read_images(
 }
 
 /// Makes sure that a channel is where its layout says.
-pub(crate) fn check_channel(path: &Path, source: &Source, channel: &Channel) -> Result<()> {
+pub(crate) fn check_channel(path: &Path, source: &ExrFile, channel: &Channel) -> Result<()> {
     let there = source.headers.get(channel.part).and_then(|h| h.channels.list.get(channel.index));
     match there.is_some_and(|c| c.name.bytes() == channel.name.as_bytes() && SampleType::from(c.sample_type) == channel.sample) {
         true => Ok(()),

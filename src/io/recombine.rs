@@ -5,10 +5,10 @@ use std::collections::HashMap;
 use half::f16;
 use ndarray::{Array2, Axis, Zip};
 
+use super::exr_file::ExrFile;
 use super::layout::{Channel, Layout, SampleType};
 use super::read::read_planes;
-use super::select::Resolved;
-use super::source::Source;
+use super::resolved::Resolved;
 use crate::error::Result;
 use crate::frame::Aov;
 
@@ -18,7 +18,7 @@ const LEAST_COLOUR: f32 = 1e-4;
 const LEAST_LOSSY_COLOUR: f32 = 1.0 / 64.0;
 
 /// Part and channel index.
-pub(crate) type Place = (usize, usize);
+pub(crate) type ChannelPlace = (usize, usize);
 
 /// The planes to write for the light passes of `resolved`: contribution ÷ Color, and those Color planes that had to be raised.
 ///
@@ -28,12 +28,12 @@ pub(crate) type Place = (usize, usize);
 /// Color pass are written as they are.
 pub(crate) fn light_planes(
     layout: &Layout,
-    source: &mut Source,
+    source: &mut ExrFile,
     resolved: &Resolved,
     aovs: &[Aov],
-) -> Result<HashMap<Place, Array2<f32>>> {
+) -> Result<HashMap<ChannelPlace, Array2<f32>>> {
     let size = (resolved.rows, resolved.columns);
-    let mut colours: HashMap<Place, Array2<f32>> = HashMap::new();
+    let mut colours: HashMap<ChannelPlace, Array2<f32>> = HashMap::new();
     let channels: Vec<Channel> =
         resolved.aovs.iter().filter_map(|a| a.colour.as_ref()).flat_map(|c| c.channels.clone()).collect();
     for (channel, plane) in channels.iter().zip(read_planes(&layout.path, source, &channels, size)?) {

@@ -6,14 +6,15 @@ use std::path::Path;
 use ndarray::Axis;
 
 use super::atomic::write_atomically;
+use super::exr_file::ExrFile;
 use super::layout::Layout;
-use super::output_parts::{Edits, Plan};
+use super::output_parts::{Edits, OutputParts};
 use super::read::{check_channel, open_again};
 use super::recombine::light_planes;
-use super::select::{Resolved, made_for_vectors};
-use super::source::Source;
-use crate::engine::Denoised;
+use super::resolved::Resolved;
+use super::selection::made_for_vectors;
 use crate::error::{Error, Result};
+use crate::frame::Denoised;
 
 /// What to write besides the denoised passes.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -61,26 +62,26 @@ pub fn write_views(layout: &Layout, views: &[(&Resolved, &Denoised)], options: &
     for (resolved, denoised) in views {
         collect_edits(layout, &mut source, resolved, denoised, &mut edits)?;
     }
-    let mut plan = Plan::new(&source, &edits);
+    let mut parts = OutputParts::new(&source, &edits);
     if options.keep_noisy {
         for (resolved, _) in views {
-            plan.keep_noisy(layout, resolved)?;
+            parts.keep_noisy(layout, resolved)?;
         }
     }
     // What a viewer shows first is to be the denoised image.
     let denoised = |name: &str| views.iter().any(|(resolved, _)| resolved.layer == name);
     for layer in layout.layers.iter().filter(|l| !denoised(&l.name)) {
         if layer.is_composite() {
-            plan.leave_out(layer);
+            parts.leave_out(layer);
         } else if made_for_vectors(&layer.name) {
-            plan.put_last(layer);
+            parts.put_last(layer);
         }
     }
     for (name, value) in &options.attributes {
-        plan.set_attribute(name, value)?;
+        parts.set_attribute(name, value)?;
     }
-    let plan = plan.finish().map_err(|reason| Error::bad_file(&layout.path, reason))?;
-    write_atomically(destination, |file| plan.write(&layout.path, &mut source, &edits, file, destination))
+    let output = parts.finish().map_err(|reason| Error::bad_file(&layout.path, reason))?;
+    write_atomically(destination, |file| output.write(&layout.path, &mut source, &edits, file, destination))
 }
 
 /// What writing will change besides the denoised passes, in words for the user; empty for all lossless files.
@@ -118,7 +119,7 @@ fn refuse_source(source: &Path, destination: &Path) -> Result<()> {
 
 fn collect_edits<'a>(
     layout: &Layout,
-    source: &mut Source,
+    source: &mut ExrFile,
     resolved: &Resolved,
     denoised: &'a Denoised,
     edits: &mut Edits<'a>,

@@ -6,7 +6,7 @@ use crate::simd::Isa;
 use crate::simd::lanes::ln_1p_all;
 
 /// The brightest that the network and the keys tell apart, after exposure (`BRIGHTEST` in `training/model.py`).
-pub const BRIGHTEST: f32 = 1e4;
+pub const MAX_EXPOSED: f32 = 1e4;
 
 /// Fills a row's key from its colours: ln(1 + the mean of the demodulated colour, exposed as the centre frame is), one plane for each
 /// of `phases`.
@@ -17,7 +17,7 @@ pub fn fill(isa: Isa, row: &mut RowMut, channels: &Channels, phases: usize, expo
         for channel in 0..3 {
             key.iter_mut().zip(row.plane(channel * phases + phase)).for_each(|(sum, value)| *sum += *value);
         }
-        key.iter_mut().for_each(|key| *key = (*key * (exposure / 3.0)).min(BRIGHTEST));
+        key.iter_mut().for_each(|key| *key = (*key * (exposure / 3.0)).min(MAX_EXPOSED));
         ln_1p_all(isa, &mut key);
         row.plane(channels.key() * phases + phase).copy_from_slice(&key);
     }

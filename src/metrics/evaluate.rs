@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use ndarray::Array3;
 
-use super::images::{Images, read};
+use super::evaluation::{Evaluation, FrameEvaluation, Motion, Scores, mean};
+use super::images::{ImageChoice, Images, read};
 use super::pairing::{Item, pair_up};
-use super::report::{FrameReport, Motion, Report, Scores, mean};
 use super::{Pair, Scaling, flicker, flip, psnr, relmse, smape, ssim};
 use crate::error::{Error, Result};
 use crate::words::{self, counted};
@@ -19,12 +19,8 @@ pub struct EvaluateOptions {
     /// Folder, pattern or file whose Vector passes flicker follows, such as the noisy shot. Without it, and for frames that it
     /// lacks, those of the denoised files, then of the references.
     pub vectors: Option<PathBuf>,
-    /// View layer to read, in every file; by default the one with the most samples.
-    pub layer: Option<String>,
-    /// Stereo view to read, in every file; by default the first.
-    pub view: Option<String>,
-    /// View layer to take the Vector pass from, if not the same.
-    pub vector_layer: Option<String>,
+    /// What to read of every file.
+    pub images: ImageChoice,
 }
 
 /// Compares `denoised` with `reference`: folders, patterns (`####`, `%04d`, globs) or files of one frame each.
@@ -34,15 +30,15 @@ pub struct EvaluateOptions {
 ///
 /// # Errors
 /// Inputs that name no sequence, or sequences without a common frame. A frame that is missing or cannot be read or compared is
-/// no error: it has a row that says why, and counts in [`Report::failed`].
-pub fn evaluate(reference: &Path, denoised: &Path, options: &EvaluateOptions) -> Result<Report> {
+/// no error: it has a row that says why, and counts in [`Evaluation::failed`].
+pub fn evaluate(reference: &Path, denoised: &Path, options: &EvaluateOptions) -> Result<Evaluation> {
     let (items, mut warnings) = pair_up(reference, denoised, options.vectors.as_deref())?;
-    let mut frames: Vec<FrameReport> = Vec::with_capacity(items.len());
+    let mut frames: Vec<FrameEvaluation> = Vec::with_capacity(items.len());
     let mut traits = Traits::default();
     let mut previous: Option<(i64, Images)> = None;
     for item in items {
         let before = previous.take().filter(|(number, _)| number + 1 == item.frame).map(|(_, images)| images);
-        let mut row = FrameReport {
+        let mut row = FrameEvaluation {
             frame: item.frame,
             reference: item.reference.clone(),
             denoised: item.denoised.clone(),
@@ -64,7 +60,7 @@ pub fn evaluate(reference: &Path, denoised: &Path, options: &EvaluateOptions) ->
         frames.push(row);
     }
     warnings.extend(remarks(&frames, &traits, options.vectors.is_some()));
-    Ok(Report { scaling: options.scaling, mean: mean(&frames), frames, warnings })
+    Ok(Evaluation { scaling: options.scaling, mean: mean(&frames), frames, warnings })
 }
 
 struct Outcome {
@@ -85,13 +81,13 @@ struct Traits {
 }
 
 /// Reads and compares one frame; writes what it finds into `row`.
-fn compare(item: &Item, previous: Option<&Images>, options: &EvaluateOptions, row: &mut FrameReport) -> Result<Outcome> {
+fn compare(item: &Item, previous: Option<&Images>, options: &EvaluateOptions, row: &mut FrameEvaluation) -> Result<Outcome> {
     let Some(denoised) = &item.denoised else {
         let reason = "there is no denoised frame with this number".into();
         return Err(Error::BadInput { input: format!("frame {}", item.frame), reason });
     };
-    let reference = read(&item.reference, false, options)?;
-    let result = read(denoised, previous.is_some(), options)?;
+    let reference = read(&item.reference, false, &options.images)?;
+    let result = read(denoised, previous.is_some(), &options.images)?;
     let denoised_reference = reference.denoised;
     let images = Images { reference: reference.colour, denoised: result.colour };
     let pair = images.pair(options.scaling).map_err(|e| name_file(e, denoised))?;
@@ -107,7 +103,7 @@ fn compare(item: &Item, previous: Option<&Images>, options: &EvaluateOptions, ro
     let (mut warning, mut still) = (None, false);
     if let Some(previous) = previous {
         let before = previous.pair(options.scaling)?;
-        let change = follow(item, result.vector, options).and_then(|vectors| Change::between(&before, &pair, vectors));
+        let change = follow(item, result.vector, options).and_then(|vectors| FlickerChange::between(&before, &pair, vectors));
         match change {
             Ok(found) => {
                 (row.motion, scores.flicker, still) = (Some(found.motion), found.flicker, found.still);
@@ -123,14 +119,14 @@ fn compare(item: &Item, previous: Option<&Images>, options: &EvaluateOptions, ro
 }
 
 /// Flicker, and whose vectors it followed.
-struct Change {
+struct FlickerChange {
     flicker: Option<f64>,
     motion: Motion,
     /// Whether the vectors are zero everywhere.
     still: bool,
 }
 
-impl Change {
+impl FlickerChange {
     fn between(previous: &Pair, current: &Pair, vectors: Option<(Motion, Array3<f32>)>) -> Result<Self> {
         let flicker = flicker(previous, current, vectors.as_ref().map(|(_, v)| v.view()))?;
         let still = vectors.as_ref().is_some_and(|(_, v)| v.iter().all(|&x| x == 0.0));
@@ -140,14 +136,14 @@ impl Change {
 
 /// The Vector pass that flicker follows: of the file given for it, of the denoised file, of the reference.
 fn follow(item: &Item, denoised: Option<Array3<f32>>, options: &EvaluateOptions) -> Result<Option<(Motion, Array3<f32>)>> {
-    let given = item.vectors.as_ref().map(|path| read(path, true, options)).transpose()?;
+    let given = item.vectors.as_ref().map(|path| read(path, true, &options.images)).transpose()?;
     if let Some(vector) = given.and_then(|passes| passes.vector) {
         return Ok(Some((Motion::Vectors, vector)));
     }
     if let Some(vector) = denoised {
         return Ok(Some((Motion::Denoised, vector)));
     }
-    Ok(read(&item.reference, true, options)?.vector.map(|vector| (Motion::Reference, vector)))
+    Ok(read(&item.reference, true, &options.images)?.vector.map(|vector| (Motion::Reference, vector)))
 }
 
 /// Says which file a comparison failed on.
@@ -162,9 +158,10 @@ fn name_file(error: Error, path: &Path) -> Error {
 }
 
 /// What holds for several frames, a sentence each.
-fn remarks(frames: &[FrameReport], traits: &Traits, vectors_given: bool) -> Vec<String> {
-    let with =
-        |wanted: &dyn Fn(&FrameReport) -> bool| -> Vec<i64> { frames.iter().filter(|f| wanted(f)).map(|f| f.frame).collect() };
+fn remarks(frames: &[FrameEvaluation], traits: &Traits, vectors_given: bool) -> Vec<String> {
+    let with = |wanted: &dyn Fn(&FrameEvaluation) -> bool| -> Vec<i64> {
+        frames.iter().filter(|f| wanted(f)).map(|f| f.frame).collect()
+    };
     let mut out = Vec::new();
     let mut remark = |numbers: &[i64], text: &dyn Fn(String) -> String| {
         if !numbers.is_empty() {
@@ -184,7 +181,7 @@ fn remarks(frames: &[FrameReport], traits: &Traits, vectors_given: bool) -> Vec<
         });
     }
     for (what, count) in [
-        ("references", (|f| f.non_finite_reference) as fn(&FrameReport) -> usize),
+        ("references", (|f| f.non_finite_reference) as fn(&FrameEvaluation) -> usize),
         ("denoised images", |f| f.non_finite_denoised),
     ] {
         let pixels: usize = frames.iter().map(count).sum();
@@ -236,7 +233,7 @@ mod tests {
         folder
     }
 
-    fn run(folder: &tempfile::TempDir) -> Report {
+    fn run(folder: &tempfile::TempDir) -> Evaluation {
         evaluate(&folder.path().join("ref"), &folder.path().join("out"), &EvaluateOptions::default()).unwrap()
     }
 
@@ -303,7 +300,8 @@ mod tests {
         }
         let pair = Pair::new(r.view(), d.view(), Scaling::ReferenceMean).unwrap();
         let with = |vector_layer: Option<String>| {
-            let options = EvaluateOptions { vector_layer, ..Default::default() };
+            let images = ImageChoice { vector_layer, ..Default::default() };
+            let options = EvaluateOptions { images, ..Default::default() };
             evaluate(&folder.path().join("ref"), &folder.path().join("out"), &options).unwrap()
         };
         let report = with(Some("Motion".into()));

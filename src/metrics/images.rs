@@ -4,16 +4,23 @@ use std::path::Path;
 
 use ndarray::Array3;
 
-use super::evaluate::EvaluateOptions;
 use super::{Pair, Scaling};
 use crate::error::Result;
-use crate::io::{Guides, Selection, read_frame, read_layout, resolve};
+use crate::io::{Guides, NOISY, Selection, read_frame, read_layout, resolve};
 
-/// Cycles' name of the beauty as rendered, where Combined holds a denoised one.
-const NOISY: &str = "Noisy Image";
+/// Which images to read of every file.
+#[derive(Clone, Debug, Default)]
+pub struct ImageChoice {
+    /// View layer; by default the one with the most samples.
+    pub layer: Option<String>,
+    /// Stereo view; by default the first.
+    pub view: Option<String>,
+    /// View layer to take the Vector pass from, if not the same.
+    pub vector_layer: Option<String>,
+}
 
 /// What is read of one file.
-pub(crate) struct Passes {
+pub(crate) struct FilePasses {
     /// Combined, (rows, columns, 3), as it is: denoised where the file is.
     pub colour: Array3<f32>,
     /// The Vector pass, (rows, columns, 4), if asked for and there.
@@ -35,15 +42,15 @@ impl Images {
 }
 
 /// Reads a file's beauty and, if asked, its Vector pass.
-pub(crate) fn read(path: &Path, vector: bool, options: &EvaluateOptions) -> Result<Passes> {
+pub(crate) fn read(path: &Path, vector: bool, choice: &ImageChoice) -> Result<FilePasses> {
     let layout = read_layout(path)?;
     // A file without the layer for vectors is one without vectors.
     let has_layer = |name: &String| layout.layer(name).is_some_and(|l| l.passes.iter().any(|p| p.name == "Vector"));
-    let vector = vector && options.vector_layer.as_ref().is_none_or(has_layer);
+    let vector = vector && choice.vector_layer.as_ref().is_none_or(has_layer);
     let selection = Selection {
-        layers: options.layer.iter().cloned().collect(),
-        view: options.view.clone(),
-        vector_layer: options.vector_layer.clone().filter(|_| vector),
+        layers: choice.layer.iter().cloned().collect(),
+        view: choice.view.clone(),
+        vector_layer: choice.vector_layer.clone().filter(|_| vector),
         guides: Guides { albedo: false, normal: false, depth: false, vector },
         denoised_ok: true,
         ..Selection::default()
@@ -52,5 +59,5 @@ pub(crate) fn read(path: &Path, vector: bool, options: &EvaluateOptions) -> Resu
     let denoised = resolved.colour.pass != NOISY
         && layout.layer(&resolved.layer).is_some_and(|l| l.pass(NOISY, resolved.view.as_deref()).is_some());
     let frame = read_frame(&layout, &resolved)?;
-    Ok(Passes { colour: frame.colour, vector: frame.vector, denoised })
+    Ok(FilePasses { colour: frame.colour, vector: frame.vector, denoised })
 }

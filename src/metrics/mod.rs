@@ -6,6 +6,7 @@
 //! a result is the same for any number of threads.
 
 pub mod evaluate;
+pub mod evaluation;
 pub mod flicker;
 pub mod flip;
 pub(crate) mod images;
@@ -13,18 +14,18 @@ pub mod pair;
 mod pairing;
 pub mod psnr;
 pub mod relmse;
-pub mod report;
 pub(crate) mod sample;
 pub mod smape;
 pub mod ssim;
 pub mod tonemap;
 
 pub use evaluate::{EvaluateOptions, evaluate};
+pub use evaluation::Evaluation;
 pub use flicker::flicker;
 pub use flip::flip;
+pub use images::ImageChoice;
 pub use pair::{Pair, Scaling};
 pub use psnr::psnr;
 pub use relmse::relmse;
-pub use report::Report;
 pub use smape::smape;
 pub use ssim::ssim;

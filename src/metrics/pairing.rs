@@ -55,5 +55,5 @@ pub(super) fn pair_up(reference: &Path, denoised: &Path, vectors: Option<&Path>)
 
 /// The files that a path names, by frame number.
 fn files(path: &Path) -> Result<BTreeMap<i64, PathBuf>> {
-    Ok(Sequence::find(&[path])?.asked().map(|f| (f.number, f.path.clone())).collect())
+    Ok(Sequence::find(&[path])?.named_frames().map(|f| (f.number, f.path.clone())).collect())
 }

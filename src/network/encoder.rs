@@ -6,8 +6,9 @@ use super::features::Features;
 use super::residual::Residual;
 use super::weights::Weights;
 use crate::error::Result;
-use crate::frame::packed::{COLOUR, DEPTH, Guides, PackedFrame, bounded};
-use crate::kernels::keys::BRIGHTEST;
+use crate::frame::packed::{COLOUR, DEPTH, GuideViews, PackedFrame};
+use crate::frame::sanitise::bounded;
+use crate::kernels::keys::MAX_EXPOSED;
 use crate::simd::lanes::ln_1p_all;
 use crate::simd::{Activation, Conv, Epilogue, Isa, Winograd};
 
@@ -42,7 +43,7 @@ impl Encoder {
     }
 
     /// Features (padded rows / 2, padded columns / 2, features) of a frame, computed in strips that bound the memory.
-    pub fn run(&self, isa: Isa, frame: &PackedFrame, guides: &Guides) -> Features {
+    pub fn run(&self, isa: Isa, frame: &PackedFrame, guides: &GuideViews) -> Features {
         let (rows, columns) = (frame.padded_rows / 2, frame.padded_columns / 2);
         // Strips and the halo are even: Winograd's tiles lie alike in all of them.
         let (step, halo) = (if rows * columns <= WHOLE_AREA { rows } else { (STRIP_AREA / columns).max(2) & !1 }, self.halo());
@@ -61,7 +62,7 @@ impl Encoder {
 }
 
 /// The encoder's input in some half-resolution rows, the 2×2 pixels of a half-resolution pixel side by side: channel c·4 + 2·(row & 1) + (column & 1).
-fn inputs(isa: Isa, frame: &PackedFrame, guides: &Guides, rows: std::ops::Range<usize>) -> Activation {
+fn inputs(isa: Isa, frame: &PackedFrame, guides: &GuideViews, rows: std::ops::Range<usize>) -> Activation {
     let half_columns = frame.padded_columns / 2;
     let columns = frame.padded_columns;
     let mut out = Activation::empty();
@@ -73,7 +74,7 @@ fn inputs(isa: Isa, frame: &PackedFrame, guides: &Guides, rows: std::ops::Range<
             let pixels = &frame.groups[0][y * columns..][..columns];
             for (x, lanes) in pixels.iter().enumerate() {
                 for c in 0..3 {
-                    logs[c * columns + x] = (lanes[COLOUR + c] * frame.exposure).min(BRIGHTEST);
+                    logs[c * columns + x] = (lanes[COLOUR + c] * frame.exposure).min(MAX_EXPOSED);
                 }
                 logs[3 * columns + x] = lanes[DEPTH];
             }

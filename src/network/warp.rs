@@ -274,3 +274,46 @@ pub fn centre_planes(isa: Isa, frame: &PackedFrame, region: Rect, channels: &Cha
     });
     planes
 }
+
+#[cfg(test)]
+mod tests {
+    use ndarray::Array3;
+
+    use super::*;
+    use crate::frame::Frame;
+
+    #[test]
+    fn a_point_is_looked_for_where_its_vectors_say() {
+        let (rows, columns) = (24, 32);
+        let pack = |colour: Array3<f32>, vector: [f32; 4]| {
+            let mut frame = Frame::new(colour);
+            frame.vector = Some(Array3::from_shape_fn((rows, columns, 4), |(_, _, c)| vector[c]));
+            PackedFrame::new(&frame.view(), 0.05).unwrap()
+        };
+        let ramp = Array3::from_shape_fn((rows, columns, 3), |(y, x, c)| [1.0 + x as f32, 1.0 + y as f32, 1.0][c]);
+        let (region, channels) = (Rect { row: 0, column: 0, rows: rows / 2, columns: columns / 2 }, Channels::new(0, false));
+        for (offset, vector, (dx, dy)) in [
+            (-1, [5.0, 7.0, 100.0, 100.0], (5i32, -7i32)),
+            (-1, [-6.0, -4.0, 100.0, 100.0], (-6, 4)),
+            (1, [100.0, 100.0, 5.0, 7.0], (-5, 7)),
+            (1, [100.0, 100.0, -6.0, -4.0], (6, -4)),
+        ] {
+            let (centre, neighbour) = (pack(Array3::ones((rows, columns, 3)), vector), pack(ramp.clone(), [0.0; 4]));
+            let (planes, warped) = warp(Isa::detect(), &[&centre, &neighbour], (offset, false), region, &channels, 1);
+            assert!(warped.trusted && !warped.still);
+            let mut seen = 0;
+            for (y, x) in (0..rows as i32).flat_map(|y| (0..columns as i32).map(move |x| (y, x))) {
+                let at = |channel: usize| {
+                    let phase = (y % 2 * 2 + x % 2) as usize;
+                    planes.row(channel * FULL_PHASES + phase, y as usize / 2)[x as usize / 2]
+                };
+                let (px, py) = (x + dx, y + dy);
+                let inside = (0..columns as i32).contains(&px) && (0..rows as i32).contains(&py);
+                let expected = if inside { [1.0 + px as f32, 1.0 + py as f32, 1.0] } else { [0.0; 3] };
+                assert_eq!([at(0), at(1), at(channels.mask())], expected, "{offset}: at {x}, {y}");
+                seen += usize::from(inside);
+            }
+            assert!(seen > 200, "{seen}");
+        }
+    }
+}

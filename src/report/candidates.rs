@@ -2,7 +2,6 @@
 
 use serde::Serialize;
 
-use crate::engine::LEVELS;
 use crate::rules::skip::Skip;
 use crate::rules::window::{DEFAULT_WINDOW, MAX_WINDOW};
 
@@ -18,8 +17,6 @@ pub enum Method {
         window: usize,
         /// The dial.
         lambda: f32,
-        /// Levels of the kernels' pyramid.
-        levels: usize,
         /// Whether the default rules leave work out.
         skipping: bool,
     },
@@ -33,7 +30,6 @@ pub enum Method {
 pub enum Kind {
     Noisy,
     Window,
-    Levels,
     Skipping,
     Lambda,
     Oidn,
@@ -67,23 +63,19 @@ impl Candidate {
 /// All candidates for a shot with or without motion vectors: the noisy picture first, then the default.
 pub fn candidates(vectors: bool, oidn: bool) -> Vec<Candidate> {
     let base = if vectors { DEFAULT_WINDOW } else { 0 };
-    let hush = |name: String, kind: Kind, window: usize, lambda: f32, levels: usize, skipping: bool| Candidate {
+    let hush = |name: String, kind: Kind, window: usize, lambda: f32, skipping: bool| Candidate {
         name,
         kind,
-        default: (window, lambda, levels, skipping) == (base, 1.0, LEVELS, true),
-        method: Method::Hush { window, lambda, levels, skipping },
+        default: (window, lambda, skipping) == (base, 1.0, true),
+        method: Method::Hush { window, lambda, skipping },
     };
     let plain = |name: &str, kind: Kind, method: Method| Candidate { name: name.into(), kind, default: false, method };
     let mut out = vec![plain("noisy", Kind::Noisy, Method::Noisy)];
-    out.push(hush(format!("window {base}"), Kind::Window, base, 1.0, LEVELS, true));
+    out.push(hush(format!("window {base}"), Kind::Window, base, 1.0, true));
     let others = (0..=if vectors { MAX_WINDOW } else { 0 }).filter(|w| *w != base);
-    out.extend(others.map(|w| hush(format!("window {w}"), Kind::Window, w, 1.0, LEVELS, true)));
-    for levels in (1..LEVELS).rev() {
-        let name = format!("{levels} level{}", if levels == 1 { "" } else { "s" });
-        out.push(hush(name, Kind::Levels, base, 1.0, levels, true));
-    }
-    out.push(hush("no skipping".into(), Kind::Skipping, base, 1.0, LEVELS, false));
-    out.extend([4.0, 16.0].map(|lambda| hush(format!("λ {lambda}"), Kind::Lambda, base, lambda, LEVELS, true)));
+    out.extend(others.map(|w| hush(format!("window {w}"), Kind::Window, w, 1.0, true)));
+    out.push(hush("no skipping".into(), Kind::Skipping, base, 1.0, false));
+    out.extend([4.0, 16.0].map(|lambda| hush(format!("λ {lambda}"), Kind::Lambda, base, lambda, true)));
     if oidn {
         out.push(plain("OIDN", Kind::Oidn, Method::Oidn));
     }
@@ -98,23 +90,10 @@ mod tests {
     fn every_setting_is_there_once() {
         let all = candidates(true, true);
         let names: Vec<&str> = all.iter().map(|c| c.name.as_str()).collect();
-        let expected = [
-            "noisy",
-            "window 2",
-            "window 0",
-            "window 1",
-            "window 3",
-            "3 levels",
-            "2 levels",
-            "1 level",
-            "no skipping",
-            "λ 4",
-            "λ 16",
-            "OIDN",
-        ];
+        let expected = ["noisy", "window 2", "window 0", "window 1", "window 3", "no skipping", "λ 4", "λ 16", "OIDN"];
         assert_eq!(names, expected);
         assert_eq!(all.iter().filter(|c| c.default).count(), 1);
-        assert!(all[1].default && all[4].window() == 3 && all[8].skip() == Skip::NONE);
+        assert!(all[1].default && all[4].window() == 3 && all[5].skip() == Skip::NONE);
     }
 
     #[test]

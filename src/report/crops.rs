@@ -12,7 +12,7 @@ use crate::picture::pixels::{pixmap, png};
 /// The sides of a tile.
 const TILE: usize = 64;
 /// The error that has the brightest false colour.
-pub const BRIGHTEST: f64 = 0.25;
+pub const ERROR_SCALE_END: f64 = 0.25;
 
 /// One tile by every candidate.
 #[derive(Clone)]
@@ -132,7 +132,7 @@ fn shown(tile: ArrayView3<f32>, gain: f64) -> Vec<u8> {
 
 fn false_colours(a: ArrayView3<f32>, b: ArrayView3<f32>, gain: f64) -> Vec<u8> {
     let (rows, columns, _) = a.dim();
-    png(pixmap(rows, columns, |y, x| false_colour(error_at(a, b, gain, y, x) / BRIGHTEST)))
+    png(pixmap(rows, columns, |y, x| false_colour(error_at(a, b, gain, y, x) / ERROR_SCALE_END)))
 }
 
 #[cfg(test)]

@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::metrics::images::read;
 use crate::metrics::pair::REFERENCE_MEAN;
-use crate::metrics::{EvaluateOptions, Pair, Scaling, flicker, relmse, smape};
+use crate::metrics::{ImageChoice, Pair, Scaling, flicker, relmse, smape};
 use crate::rules::window::MAX_WINDOW;
 use crate::shot::Scope;
 
@@ -48,7 +48,7 @@ struct Seen {
 pub struct Judge<'a> {
     scope: &'a Scope,
     references: Option<BTreeMap<i64, PathBuf>>,
-    files: EvaluateOptions,
+    images: ImageChoice,
     distance: Option<usize>,
     windows: Vec<usize>,
     current: Option<Current>,
@@ -62,7 +62,7 @@ impl<'a> Judge<'a> {
     pub fn new(
         scope: &'a Scope,
         references: Option<BTreeMap<i64, PathBuf>>,
-        files: EvaluateOptions,
+        images: ImageChoice,
         frames: &[i64],
         candidates: &[Candidate],
     ) -> Self {
@@ -72,7 +72,7 @@ impl<'a> Judge<'a> {
         // One frame alone says little: rather two judged from nearer by, and the widest windows not at all.
         let distance = [2, 1].into_iter().find_map(|least| (1..=farthest).rev().find(|k| reached(*k) >= least));
         let seen = vec![Seen::default(); candidates.len()];
-        Self { scope, references, files, distance, windows, current: None, previous: None, seen, unseen: None }
+        Self { scope, references, images, distance, windows, current: None, previous: None, seen, unseen: None }
     }
 
     /// What the errors mean.
@@ -116,7 +116,7 @@ impl<'a> Judge<'a> {
     /// The reference of a frame, if it has one.
     fn picture(&self, number: i64) -> Result<Option<Array3<f32>>> {
         let path = self.references.as_ref().and_then(|r| r.get(&number));
-        path.map(|path| Ok(read(path, false, &self.files)?.colour)).transpose()
+        path.map(|path| Ok(read(path, false, &self.images)?.colour)).transpose()
     }
 
     /// The frame seen from the noisy frames around it; and from the references next to it, if there are any.

@@ -17,7 +17,7 @@ use crate::engine::{EncodedFrame, Engine, STAGES};
 use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::io::sequence::Sequence;
-use crate::metrics::EvaluateOptions;
+use crate::metrics::ImageChoice;
 use crate::shot::{CancelToken, Scope};
 use crate::words;
 
@@ -78,8 +78,8 @@ pub fn measure(
         remarks.push("There is no Vector pass in every frame, so neighbours cannot help and all windows are 0.".into());
     }
     let scratch = tempfile::Builder::new().prefix("hush-report-").tempdir().map_err(|e| Error::io(std::env::temp_dir(), e))?;
-    let files = EvaluateOptions { layer: options.layer.clone(), view: options.view.clone(), ..Default::default() };
-    let judge = Judge::new(scope, references, files, &frames, &candidates);
+    let images = ImageChoice { layer: options.layer.clone(), view: options.view.clone(), ..Default::default() };
+    let judge = Judge::new(scope, references, images, &frames, &candidates);
     let mut run = Run {
         scope,
         engine,
@@ -116,7 +116,7 @@ pub fn measure(
 
 /// The references by frame number.
 fn references(path: &Path, frames: &[i64], remarks: &mut Vec<String>) -> Result<BTreeMap<i64, PathBuf>> {
-    let found: BTreeMap<i64, PathBuf> = Sequence::find(&[path])?.asked().map(|f| (f.number, f.path.clone())).collect();
+    let found: BTreeMap<i64, PathBuf> = Sequence::find(&[path])?.named_frames().map(|f| (f.number, f.path.clone())).collect();
     let (with, without): (Vec<i64>, Vec<i64>) = frames.iter().partition(|n| found.contains_key(n));
     if with.is_empty() {
         let numbers: Vec<i64> = found.keys().copied().collect();
@@ -255,14 +255,14 @@ impl Run<'_> {
     /// One frame by a candidate of Hush; the seconds without encoding.
     fn hush(&mut self, number: i64, around: &[(i32, i64)], i: usize) -> Result<(f64, Array3<f32>)> {
         let (candidate, engine) = (&self.candidates[i], self.engine);
-        let Method::Hush { window, lambda, levels, .. } = candidate.method else { return Err(Error::Cancelled) };
+        let Method::Hush { window, lambda, .. } = candidate.method else { return Err(Error::Cancelled) };
         let missing = || Error::BadInput { input: format!("frame {number}"), reason: "could not be encoded".into() };
         let centre = self.ring.get(&number).ok_or_else(missing)?;
         let near = around.iter().filter(|(offset, _)| offset.unsigned_abs() as usize <= window);
         let near: Vec<(i32, &EncodedFrame)> = near.filter_map(|(offset, n)| Some((*offset, self.ring.get(n)?))).collect();
         let before = engine.stage_seconds();
         let began = Instant::now();
-        let (denoised, left_out) = engine.denoise_with(centre, &near, lambda, (candidate.skip(), levels))?;
+        let (denoised, left_out) = engine.denoise_with(centre, &near, lambda, candidate.skip())?;
         let seconds = began.elapsed().as_secs_f64();
         let footprint = engine.footprint(centre, &near);
         let tally = &mut self.tallies[i];

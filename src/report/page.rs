@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::axes::number;
 use super::candidates::Kind;
-use super::crops::{BRIGHTEST, CropSet};
+use super::crops::{CropSet, ERROR_SCALE_END};
 use super::measure::Measured;
 use super::plots::{by_frame, by_stage, error_against_time, ink};
 use super::record::{Basis, ERRORS, Report, Row};
@@ -161,7 +161,7 @@ fn tiles(sets: &[CropSet]) -> String {
         .collect();
     let mut out = format!(
         "<p class=\"muted\">Below each picture its error in false colour, SMAPE by pixel: 0 \
-         <span class=\"scale\" style=\"background:linear-gradient(90deg,{})\"></span> {BRIGHTEST} and more.</p>\n",
+         <span class=\"scale\" style=\"background:linear-gradient(90deg,{})\"></span> {ERROR_SCALE_END} and more.</p>\n",
         stops.join(",")
     );
     for set in sets {
@@ -255,7 +255,7 @@ fn method(report: &Report) -> String {
         "<p>Every frame was denoised with every setting, {} in turn and in changing order, so that what else the machine did met all \
          of them. A setting's time is that of encoding the frame once and denoising it, in memory; reading and writing files overlap with \
          it in a run and are not in it. {own} Each setting differs from the default in what its name says: <em>window</em>, frames on each \
-         side; <em>levels</em>, of the kernels' pyramid, 4 by default; <em>no skipping</em>, nothing left out; <em>λ</em>, the dial, 1 by \
+         side; <em>no skipping</em>, nothing left out; <em>λ</em>, the dial, 1 by \
          default.</p>\n{peer}",
         if report.repeats == 1 { "once,".into() } else { format!("{} times", report.repeats) }
     )

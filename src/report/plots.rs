@@ -3,7 +3,6 @@
 use super::axes::{Label, Panel, SMALL, number, place, range, stack};
 use super::candidates::{Candidate, Kind, Method};
 use super::record::{Basis, ERRORS, Report, Row};
-use crate::engine::LEVELS;
 use crate::engine::STAGES;
 use crate::picture::drawing::{Anchor, Drawing, Group, Ink, Shape};
 use crate::picture::raster::text_width;
@@ -22,8 +21,6 @@ pub fn ink(candidate: &Candidate) -> Ink {
         (Kind::Window, Method::Hush { window: 1, .. }) => 3,
         (Kind::Window, Method::Hush { window: 3, .. }) => 4,
         (Kind::Window, _) => 1,
-        (Kind::Levels, Method::Hush { levels, .. }) if levels + 1 < LEVELS => 6,
-        (Kind::Levels, _) => 5,
         (Kind::Skipping, _) => 7,
         (Kind::Lambda, Method::Hush { lambda, .. }) if lambda > 8.0 => 9,
         (Kind::Lambda, _) => 8,

@@ -60,7 +60,7 @@ pub struct Report {
     /// The estimate beside the measured error, where there are references.
     pub checks: Vec<Check>,
     /// The table of numerical soundness, where it was asked for.
-    pub stability: Vec<stability::Row>,
+    pub stability: Vec<stability::CheckRow>,
     /// What a reader must know, a sentence each.
     pub remarks: Vec<String>,
     /// Frames that could not be measured, and why.

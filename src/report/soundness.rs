@@ -3,10 +3,10 @@
 use std::fmt::Write;
 
 use crate::picture::drawing::escape;
-use crate::stability::{CHECKS, Row, summary};
+use crate::stability::{CHECKS, CheckRow, summary};
 
 /// The section's body.
-pub fn soundness(rows: &[Row]) -> String {
+pub fn soundness(rows: &[CheckRow]) -> String {
     let failed = rows.iter().filter(|r| !r.passed).count();
     let verdict = if failed == 0 { "none failed".to_string() } else { format!("<strong>{failed} failed</strong>") };
     let mut out = format!(
@@ -44,7 +44,7 @@ mod tests {
 
     #[test]
     fn a_row_that_fails_is_seen() {
-        let row = |check: &str, worst: f64| Row {
+        let row = |check: &str, worst: f64| CheckRow {
             case: "one <lit> pixel".into(),
             check: check.into(),
             bound: 1e-5,

@@ -5,8 +5,6 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use crate::frame::Frame;
-use crate::io::sequence::spans;
-use crate::rules::frames::show_ranges;
 use crate::words;
 
 /// What a warning is about; the names are stable (`missing_frames`, `no_vector`, …).
@@ -87,7 +85,7 @@ pub fn missing_frames(missing: &[(i64, i64)]) -> Option<Warning> {
         true => ("frame", "it cannot be written and the frames beside it do without; render it and run again"),
         false => ("frames", "they cannot be written and the frames beside them do without; render them and run again"),
     };
-    let message = || format!("missing {frames} {}: {rest}", show_ranges(missing));
+    let message = || format!("missing {frames} {}: {rest}", words::ranges(missing));
     (!missing.is_empty()).then(|| Warning::new(WarningKind::MissingFrames, message()))
 }
 
@@ -179,7 +177,7 @@ fn which(numbers: &[i64], headers: &[Header], one: &str, many: &str) -> String {
     match numbers {
         [number] => format!("frame {number} {one}"),
         _ if numbers.len() == headers.len() => format!("the frames {many}"),
-        _ => format!("frames {} {many}", spans(numbers)),
+        _ => format!("frames {} {many}", words::spans(numbers)),
     }
 }
 

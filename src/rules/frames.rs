@@ -6,6 +6,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use crate::error::Error;
+use crate::words;
 
 /// A set of frame numbers, kept as ranges. In files a text such as `1-48,60`, or one number.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -42,7 +43,7 @@ impl From<FrameSet> for Written {
 
 impl Display for FrameSet {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        f.write_str(&show_ranges(&self.ranges))
+        f.write_str(&words::ranges(&self.ranges))
     }
 }
 
@@ -140,12 +141,6 @@ impl FromStr for FrameSet {
     }
 }
 
-/// Ranges for a message: `3-5,9`.
-pub fn show_ranges(ranges: &[(i64, i64)]) -> String {
-    let show = |&(a, b): &(i64, i64)| if a == b { a.to_string() } else { format!("{a}-{b}") };
-    ranges.iter().map(show).collect::<Vec<_>>().join(",")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -186,7 +181,7 @@ mod tests {
         assert_eq!(set.missing(&[0, 1, 2, 5, 10, 11]), [(3, 4), (6, 9), (20, 20)]);
         assert_eq!(set.missing(&(1..=20).collect::<Vec<_>>()), []);
         let wide: FrameSet = "1-99999999999".parse().unwrap();
-        assert_eq!(show_ranges(&wide.missing(&[1, 3])), "2,4-99999999999");
+        assert_eq!(words::ranges(&wide.missing(&[1, 3])), "2,4-99999999999");
         assert_eq!(FrameSet::hull(&[3, 5, 9]).missing(&[3, 5, 9]), [(4, 4), (6, 8)]);
         assert_eq!(FrameSet::hull(&[]).missing(&[]), []);
     }

@@ -21,13 +21,10 @@ pub enum Rule {
     Untrusted,
     /// Neighbours whose motion vectors are zero all over are copied, not sampled. Exact.
     Still,
-    /// Neighbours that are copies of the frame, pixel for pixel: they bring nothing new. Not exact, the network would have counted
-    /// them as more samples.
-    Repeated,
 }
 
 /// All rules.
-pub const RULES: [Rule; 5] = [Rule::Constant, Rule::Opaque, Rule::Untrusted, Rule::Still, Rule::Repeated];
+pub const RULES: [Rule; 4] = [Rule::Constant, Rule::Opaque, Rule::Untrusted, Rule::Still];
 
 impl Rule {
     /// Its name on the command line and in the manifest.
@@ -37,7 +34,6 @@ impl Rule {
             Self::Opaque => "opaque",
             Self::Untrusted => "untrusted",
             Self::Still => "still",
-            Self::Repeated => "repeated",
         }
     }
 }
@@ -47,7 +43,6 @@ impl Rule {
     pub fn bound(self) -> &'static str {
         match self {
             Self::Constant => "half a float16 step",
-            Self::Repeated => "none known",
             Self::Opaque | Self::Untrusted | Self::Still => "exact",
         }
     }
@@ -59,7 +54,6 @@ impl Rule {
             Self::Opaque => "alpha that is 1 all over the window is not filtered",
             Self::Untrusted => "neighbours that no pixel may use (moved out of the frame, bad pixels)",
             Self::Still => "neighbours without any motion are copied instead of sampled",
-            Self::Repeated => "neighbours that are copies of the frame bring no new samples",
         }
     }
 }
@@ -87,19 +81,18 @@ pub struct Skip {
     pub opaque: bool,
     pub untrusted: bool,
     pub still: bool,
-    pub repeated: bool,
 }
 
 /// Every rule that is exact, or within half a float16 step.
 impl Default for Skip {
     fn default() -> Self {
-        Self { constant: true, opaque: true, untrusted: true, still: true, repeated: false }
+        Self { constant: true, opaque: true, untrusted: true, still: true }
     }
 }
 
 impl Skip {
     /// Nothing is left out.
-    pub const NONE: Self = Self { constant: false, opaque: false, untrusted: false, still: false, repeated: false };
+    pub const NONE: Self = Self { constant: false, opaque: false, untrusted: false, still: false };
 
     /// These rules and no others.
     pub fn of(rules: &[Rule]) -> Self {
@@ -113,7 +106,6 @@ impl Skip {
             Rule::Opaque => self.opaque,
             Rule::Untrusted => self.untrusted,
             Rule::Still => self.still,
-            Rule::Repeated => self.repeated,
         }
     }
 
@@ -124,7 +116,6 @@ impl Skip {
             Rule::Opaque => self.opaque = on,
             Rule::Untrusted => self.untrusted = on,
             Rule::Still => self.still = on,
-            Rule::Repeated => self.repeated = on,
         }
         self
     }
@@ -141,8 +132,6 @@ pub struct LeftOut {
     pub still: usize,
     /// Neighbours that had no pixel to give.
     pub untrusted: usize,
-    /// Neighbours left out as copies of the frame.
-    pub repeated: usize,
 }
 
 impl LeftOut {
@@ -153,7 +142,6 @@ impl LeftOut {
             Rule::Opaque => f64::from(u8::from(self.alpha)),
             Rule::Untrusted => self.untrusted as f64,
             Rule::Still => self.still as f64,
-            Rule::Repeated => self.repeated as f64,
         }
     }
 }

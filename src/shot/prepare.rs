@@ -16,9 +16,8 @@ use super::output::{check_output, output_path};
 use super::source::Source;
 use crate::engine::Identity;
 use crate::error::{Error, Result};
-use crate::io::sequence::spans;
 use crate::rules::checks::{self, Header, Warning, WarningKind};
-use crate::rules::frames::{FrameSet, show_ranges};
+use crate::rules::frames::FrameSet;
 use crate::rules::window::{Known, Neighbour, Unused, neighbours};
 use crate::words::{self, counted};
 
@@ -113,7 +112,7 @@ impl Plan {
         let numbers = job.sequence.numbers();
         let targets: Vec<i64> = numbers.iter().copied().filter(|n| job.wants(*n)).collect();
         if targets.is_empty() {
-            let reason = format!("none of the frames asked for is there; the sequence has {}", spans(&numbers));
+            let reason = format!("none of the frames asked for is there; the sequence has {}", words::spans(&numbers));
             return Err(Error::BadInput { input: job.sequence.name.clone(), reason });
         }
         let near = |n: i64| targets.iter().any(|t| t.abs_diff(n) <= reach as u64);
@@ -381,5 +380,5 @@ pub(super) fn is_degraded<'a>(reasons: impl IntoIterator<Item = &'a Option<Unuse
 
 /// The missing frames of a plan, for the summary.
 pub(super) fn missing_text(plan: &Plan) -> String {
-    show_ranges(&plan.missing)
+    words::ranges(&plan.missing)
 }

@@ -5,11 +5,12 @@ use std::collections::BTreeMap;
 use super::source::Source;
 use crate::error::{Error, Result};
 use crate::frame::Frame;
-use crate::io::sequence::{Sequence, spans};
+use crate::io::sequence::Sequence;
 use crate::io::{Layout, Resolved, Selection};
 use crate::rules::checks;
 use crate::rules::frames::FrameSet;
 use crate::rules::window::{DEFAULT_WINDOW, Known, check_window, neighbours};
+use crate::words;
 
 /// A shot whose headers were read.
 pub struct Scope {
@@ -54,7 +55,7 @@ impl Scope {
         }
         let frames: Vec<i64> = wanted.into_iter().filter(|n| good.contains_key(n)).collect();
         if frames.is_empty() {
-            let reason = format!("none of the frames asked for is there; the sequence has {}", spans(&numbers));
+            let reason = format!("none of the frames asked for is there; the sequence has {}", words::spans(&numbers));
             return Err(first_error.unwrap_or(Error::BadInput { input: sequence.name.clone(), reason }));
         }
         let without = frames.iter().filter_map(|n| good.get(n)).find(|s| !s.header.vector);

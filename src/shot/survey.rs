@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::cancel::CancelToken;
 use super::scope::Scope;
-use crate::engine::{EncodedFrame, Engine, LEVELS};
+use crate::engine::{EncodedFrame, Engine};
 use crate::error::{Error, Result};
 use crate::rules::skip::{LeftOut, RULES, Rule, Skip};
 
@@ -145,7 +145,6 @@ fn would_be(left_out: &[LeftOut], skip: Skip, of: impl Fn(Skip) -> Vec<LeftOut>)
                 Rule::Opaque => out.alpha = one.alpha,
                 Rule::Untrusted => out.untrusted = one.untrusted,
                 Rule::Still => out.still = one.still,
-                Rule::Repeated => out.repeated = one.repeated,
             }
         }
     }
@@ -228,7 +227,7 @@ fn time(scope: &Scope, engine: &Engine, skip: Skip, frames: &[SurveyedFrame], ca
             for (view, centre) in centre.iter().enumerate() {
                 let near: Vec<(i32, &EncodedFrame)> =
                     around.iter().filter_map(|(offset, views)| Some((*offset, views.get(view)?))).collect();
-                engine.denoise_with(centre, &near, 1.0, (skip, LEVELS))?;
+                engine.denoise_with(centre, &near, 1.0, skip)?;
             }
             to.push(began.elapsed().as_secs_f64());
         }
@@ -271,19 +270,19 @@ mod tests {
 
     #[test]
     fn rules_that_are_off_tell_what_they_would_do() {
-        let skip = Skip::default();
+        let skip = Skip::default().with(Rule::Untrusted, false);
         let now = [LeftOut { constant: 0.25, still: 2, ..LeftOut::default() }];
-        let with_repeated = |asked: Skip| {
-            assert!(asked.repeated && asked.constant);
-            vec![LeftOut { constant: 0.9, still: 0, repeated: 3, ..LeftOut::default() }]
+        let with_untrusted = |wanted: Skip| {
+            assert!(wanted.untrusted && wanted.constant);
+            vec![LeftOut { constant: 0.9, still: 0, untrusted: 3, ..LeftOut::default() }]
         };
-        let both = would_be(&now, skip, with_repeated);
-        assert_eq!(both, [LeftOut { constant: 0.25, still: 2, repeated: 3, ..LeftOut::default() }]);
+        let both = would_be(&now, skip, with_untrusted);
+        assert_eq!(both, [LeftOut { constant: 0.25, still: 2, untrusted: 3, ..LeftOut::default() }]);
         let each = [both, vec![LeftOut::default()]];
         let constant = summary(Rule::Constant, true, &each);
         assert_eq!((constant.frames, constant.mean, constant.most), (1, 0.125, 0.25));
-        let repeated = summary(Rule::Repeated, false, &each);
-        assert!(!repeated.on && repeated.most == 3.0 && repeated.bound == "none known");
+        let untrusted = summary(Rule::Untrusted, false, &each);
+        assert!(!untrusted.on && untrusted.most == 3.0 && untrusted.bound == "exact");
         assert_eq!(summary(Rule::Opaque, true, &each).frames, 0);
     }
 }

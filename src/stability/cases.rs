@@ -1,9 +1,9 @@
 //! The cases: a scene of a size, and what is done to its passes.
 
-use ndarray::s;
+use ndarray::{Array3, s};
 
 use super::scene::{self, random};
-use crate::Frame;
+use crate::{Denoised, EncodedFrame, Engine, Frame, Result};
 
 /// Something that a renderer should not do, or that is hard on numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -176,6 +176,19 @@ impl Case {
         }
     }
 
+    /// The frames around the centre.
+    pub(super) fn around<'a>(&self, encoded: &'a [EncodedFrame]) -> Vec<(i32, &'a EncodedFrame)> {
+        let offset = |i: usize| i as i32 - self.centre as i32;
+        let near = encoded.iter().enumerate().map(|(i, f)| (offset(i), f));
+        near.filter(|(o, _)| *o != 0 && o.unsigned_abs() as usize <= self.window).collect()
+    }
+
+    /// The centre frame, denoised.
+    pub(super) fn denoise(&self, engine: &Engine, frames: &[Frame], lambda: f32) -> Result<Denoised> {
+        let encoded = frames.iter().map(|f| engine.encode(f.clone())).collect::<Result<Vec<_>>>()?;
+        engine.denoise(&encoded[self.centre], &self.around(&encoded), lambda)
+    }
+
     /// Its frames.
     pub fn build(&self) -> Vec<Frame> {
         (0..self.frames).map(|t| self.frame(t)).collect()
@@ -194,7 +207,7 @@ impl Case {
         let seed = seed ^ (t as u64) << 40;
         let chance = |y: usize, x: usize, share: f32| random(seed, y, x, 7) < share;
         let value = |y: usize, x: usize, c: usize| BAD[(random(seed, y, x, 20 + c) * 5.999) as usize];
-        let bad = |pass: &mut ndarray::Array3<f32>| {
+        let bad = |pass: &mut Array3<f32>| {
             for ((y, x, c), v) in pass.indexed_iter_mut().filter(|((y, x, _), _)| chance(*y, *x, 0.125)) {
                 *v = value(y, x, c);
             }
@@ -270,4 +283,15 @@ impl Case {
         let all = frame.vector.iter_mut().flat_map(|v| v.indexed_iter_mut());
         all.for_each(|((y, x, c), v)| *v = of(y, x, c, *v));
     }
+}
+
+/// A result as (rows, columns, values): colour, alpha, light passes.
+pub(super) fn values(d: &Denoised) -> Array3<f32> {
+    let (rows, columns, _) = d.colour.dim();
+    let alpha = usize::from(d.alpha.is_some());
+    Array3::from_shape_fn((rows, columns, 3 + alpha + 3 * d.aovs.len()), |(y, x, c)| match &d.alpha {
+        _ if c < 3 => d.colour[[y, x, c]],
+        Some(a) if c == 3 => a[[y, x]],
+        _ => d.aovs[(c - 3 - alpha) / 3].image[[y, x, (c - 3 - alpha) % 3]],
+    })
 }

@@ -2,13 +2,13 @@
 
 use ndarray::Array3;
 
-use super::cases::{Case, HOLE, Hazard};
+use super::cases::{Case, HOLE, Hazard, values};
 use super::reference::Reference;
-use super::row::{Row, Worst};
+use super::row::{CheckRow, Worst};
 use super::suite::Suite;
 use crate::frame::exposure::exposure;
 use crate::simd::Isa;
-use crate::{Denoised, EncodedFrame, Engine, Frame};
+use crate::{EncodedFrame, Engine, Frame};
 
 /// The dial's ends.
 const LAMBDAS: [f32; 2] = [1.0, 64.0];
@@ -25,17 +25,6 @@ const LARGE: usize = 50_000;
 /// Stops by which the exposure changes: twenty in all.
 const STOPS: [i32; 4] = [-10, -3, 4, 10];
 
-/// A result as (rows, columns, values): colour, alpha, light passes.
-pub(super) fn values(d: &Denoised) -> Array3<f32> {
-    let (rows, columns, _) = d.colour.dim();
-    let alpha = usize::from(d.alpha.is_some());
-    Array3::from_shape_fn((rows, columns, 3 + alpha + 3 * d.aovs.len()), |(y, x, c)| match &d.alpha {
-        _ if c < 3 => d.colour[[y, x, c]],
-        Some(a) if c == 3 => a[[y, x]],
-        _ => d.aovs[(c - 3 - alpha) / 3].image[[y, x, (c - 3 - alpha) % 3]],
-    })
-}
-
 /// Whether a frame's light may be made darker by all stops and still counts: the light that sets its exposure, not its brightest.
 fn may_be_darker(frame: &Frame) -> bool {
     f64::from(exposure(frame.colour.view())) < 2f64.powi(STOPS[0]) / DARK
@@ -51,7 +40,7 @@ fn place(lambda: f32, (y, x, c): (usize, usize, usize)) -> String {
 }
 
 /// All checks of a case.
-pub(super) fn rows(suite: &Suite, case: &Case) -> Vec<Row> {
+pub(super) fn rows(suite: &Suite, case: &Case) -> Vec<CheckRow> {
     let frames = case.build();
     let names =
         ["image", "range", "float64", "left out", "threads and tiles", "AVX2 and AVX-512", "portable", "exposure", "filled"];
@@ -59,7 +48,7 @@ pub(super) fn rows(suite: &Suite, case: &Case) -> Vec<Row> {
     let mut worst = names.map(|_| Worst::new());
     let thorough = case.rows * case.columns <= LARGE;
     for lambda in LAMBDAS.into_iter().take(if thorough { 2 } else { 1 }) {
-        let found = Run { suite, case, frames: &frames, lambda };
+        let found = CaseRun { suite, case, frames: &frames, lambda };
         let [image, range, float64, left_out, same, avx, portable, exposure, filled] = &mut worst;
         let (product, exact) = (found.on(&suite.product, &frames), found.on(&suite.exact, &frames));
         let reference = found.reference();
@@ -97,30 +86,17 @@ impl Case {
     fn has_a_hole(&self) -> bool {
         self.rows.max(self.columns) > 2 * HOLE + 1 && (self.hazards == [Hazard::Hole] || self.hazards == [Hazard::HoleEverywhere])
     }
-
-    /// The frames around the centre.
-    pub(super) fn around<'a>(&self, encoded: &'a [EncodedFrame]) -> Vec<(i32, &'a EncodedFrame)> {
-        let offset = |i: usize| i as i32 - self.centre as i32;
-        let near = encoded.iter().enumerate().map(|(i, f)| (offset(i), f));
-        near.filter(|(o, _)| *o != 0 && o.unsigned_abs() as usize <= self.window).collect()
-    }
-
-    /// The centre frame, denoised.
-    pub(super) fn denoise(&self, engine: &Engine, frames: &[Frame], lambda: f32) -> crate::Result<Denoised> {
-        let encoded = frames.iter().map(|f| engine.encode(f.clone())).collect::<crate::Result<Vec<_>>>()?;
-        engine.denoise(&encoded[self.centre], &self.around(&encoded), lambda)
-    }
 }
 
 /// A case at a λ.
-struct Run<'a> {
+struct CaseRun<'a> {
     suite: &'a Suite,
     case: &'a Case,
     frames: &'a [Frame],
     lambda: f32,
 }
 
-impl Run<'_> {
+impl CaseRun<'_> {
     /// The result of an engine; an engine that refuses such frames gives NaN, which fails every check.
     fn on(&self, engine: &Engine, frames: &[Frame]) -> Array3<f32> {
         self.case.denoise(engine, frames, self.lambda).map_or_else(|_| Array3::from_elem(self.shape(), f32::NAN), |d| values(&d))
@@ -237,7 +213,7 @@ mod tests {
         let case = Case { rows: 17, columns: 21, ..Case::random(1) };
         let case = Case { hazards: Vec::new(), ..case };
         let frames = case.build();
-        let run = Run { suite: &suite, case: &case, frames: &frames, lambda: 1.0 };
+        let run = CaseRun { suite: &suite, case: &case, frames: &frames, lambda: 1.0 };
         let (reference, good) = (run.reference(), run.on(&suite.exact, &frames));
         let passes = |found: &Array3<f32>| {
             let mut worst = [Worst::new(), Worst::new(), Worst::new(), Worst::new(), Worst::new()];

@@ -3,7 +3,7 @@
 use ndarray::Array3;
 
 use super::cases::Case;
-use super::row::{Row, Worst};
+use super::row::{CheckRow, Worst};
 use super::scene;
 use super::suite::Suite;
 use crate::{Engine, Error, Frame, Result};
@@ -14,7 +14,7 @@ pub const STEPS: [f32; 7] = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0];
 const DARK: f32 = 0.01;
 
 /// All rows about λ.
-pub(super) fn rows(suite: &Suite) -> Result<Vec<Row>> {
+pub(super) fn rows(suite: &Suite) -> Result<Vec<CheckRow>> {
     let mut out = vec![limits(suite)?];
     for (name, window) in [("noisy scene, one frame alone", 0), ("noisy scene, window 2", 2)] {
         out.push(monotone(&suite.exact, name, window)?);
@@ -23,7 +23,7 @@ pub(super) fn rows(suite: &Suite) -> Result<Vec<Row>> {
 }
 
 /// Counts λ outside 1…64 that are not refused (below, NaN) or not the same as 64 (above).
-fn limits(suite: &Suite) -> Result<Row> {
+fn limits(suite: &Suite) -> Result<CheckRow> {
     let case = Case { window: 1, frames: 3, centre: 1, ..Case::random(3) };
     let frames = case.build();
     let most = case.denoise(&suite.exact, &frames, 64.0)?.colour;
@@ -44,7 +44,7 @@ fn limits(suite: &Suite) -> Result<Row> {
 /// How much noise falls from one step of λ to the next, at most, as a share of the noise at λ 1.
 ///
 /// The noise left is what differs between the results of two renders that differ in nothing but their seed.
-fn monotone(engine: &Engine, name: &str, window: usize) -> Result<Row> {
+fn monotone(engine: &Engine, name: &str, window: usize) -> Result<CheckRow> {
     let (rows, columns) = (96, 120);
     let case = Case { name: name.into(), rows, columns, frames: 5, centre: 2, window, seed: 0, hazards: Vec::new() };
     let shot = |seed: u64| -> Vec<Frame> { (0..case.frames).map(|t| scene::frame(seed, t, rows, columns)).collect() };
@@ -65,7 +65,7 @@ fn noise(a: &Array3<f32>, b: &Array3<f32>, clean: &Array3<f32>) -> f64 {
 }
 
 /// The row for residual noise at each of [`STEPS`].
-fn falls(name: &str, left: &[f64]) -> Row {
+fn falls(name: &str, left: &[f64]) -> CheckRow {
     let all = left.iter().map(|v| format!("{v:.4}")).collect::<Vec<_>>().join(" ");
     let mut worst = Worst::new();
     for (pair, steps) in left.windows(2).zip(STEPS.windows(2)) {
@@ -93,7 +93,7 @@ pub fn rendered(
     centre: usize,
     window: usize,
     reference: &Array3<f32>,
-) -> Result<Row> {
+) -> Result<CheckRow> {
     let (rows, columns) = frames[centre].size();
     let case = Case { name: name.into(), rows, columns, frames: frames.len(), centre, window, seed: 0, hazards: Vec::new() };
     let error = |image: &Array3<f32>| {

@@ -1,7 +1,7 @@
 //! What one absurdly bright pixel does to the rest of its frame.
 
 use super::cases::{Case, Hazard};
-use super::row::{Row, Worst};
+use super::row::{CheckRow, Worst};
 use super::suite::Suite;
 use crate::Result;
 
@@ -12,7 +12,7 @@ const SHARE: f64 = 0.05;
 
 /// How far the result with a pixel of 1e30 in each frame lies from the one without, as a share of what was taken out of the noisy
 /// frame, away from the pixel.
-pub(super) fn row(suite: &Suite) -> Result<Row> {
+pub(super) fn row(suite: &Suite) -> Result<CheckRow> {
     let plain = Case {
         name: "noisy scene".into(),
         rows: 128,

@@ -5,7 +5,7 @@
 use ndarray::Array3;
 use rayon::prelude::*;
 
-use super::layer::{Cell, Layer};
+use super::level_image::{BoundedValue, LevelImage};
 use crate::Frame;
 use crate::engine::probe::Probe;
 use crate::network::logits::RegionLogits;
@@ -16,18 +16,18 @@ const LOGIT_LIMIT: f64 = 40.0;
 
 /// A frame's result, (rows, columns, values): colour, alpha, light passes.
 pub(super) struct Reference {
-    pub cells: Array3<Cell>,
+    pub cells: Array3<BoundedValue>,
 }
 
 /// The taps of one image, `size` × `size` around `at`; `logit` gives the tap's logit.
-struct Taps<'a> {
-    layer: &'a Layer,
+struct ImageTaps<'a> {
+    layer: &'a LevelImage,
     size: usize,
     at: (isize, isize),
     logit: &'a dyn Fn(usize) -> f32,
 }
 
-impl Taps<'_> {
+impl ImageTaps<'_> {
     /// The usable taps' pixel and logit.
     fn usable(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
         let radius = (self.size / 2) as isize;
@@ -40,8 +40,12 @@ impl Taps<'_> {
 }
 
 /// The weighted average over the usable taps of several images of what `of` finds in a pixel; None where no tap is usable.
-fn average(images: &[Taps], count: usize, of: &dyn Fn(&Layer, usize, usize) -> Cell) -> Option<Vec<Cell>> {
-    let mut sums = vec![Cell { value: 0.0, low: f64::INFINITY, high: f64::NEG_INFINITY, size: 0.0 }; count];
+fn average(
+    images: &[ImageTaps],
+    count: usize,
+    of: &dyn Fn(&LevelImage, usize, usize) -> BoundedValue,
+) -> Option<Vec<BoundedValue>> {
+    let mut sums = vec![BoundedValue { value: 0.0, low: f64::INFINITY, high: f64::NEG_INFINITY, size: 0.0 }; count];
     let mut norm = 0.0;
     for taps in images {
         for (pixel, logit) in taps.usable() {
@@ -62,7 +66,7 @@ fn average(images: &[Taps], count: usize, of: &dyn Fn(&Layer, usize, usize) -> C
     (norm > 0.0).then_some(sums)
 }
 
-fn channel(layer: &Layer, pixel: usize, c: usize) -> Cell {
+fn channel(layer: &LevelImage, pixel: usize, c: usize) -> BoundedValue {
     layer.pixel(pixel)[c]
 }
 
@@ -71,16 +75,16 @@ impl Reference {
     pub fn new(frames: &[Frame], centre: usize, probe: &Probe, architecture: &Architecture) -> Self {
         let epsilon = f64::from(architecture.albedo_epsilon);
         let frame = &frames[centre];
-        let full: Vec<Layer> = rayon::iter::once(None)
+        let full: Vec<LevelImage> = rayon::iter::once(None)
             .chain(probe.offsets.par_iter().map(Some))
             .map(|offset| match offset {
-                None => Layer::new(frame, epsilon),
-                Some(offset) => Layer::warped(&way(frames, centre, *offset), *offset > 0, epsilon),
+                None => LevelImage::new(frame, epsilon),
+                Some(offset) => LevelImage::warped(&frames_between(frames, centre, *offset), *offset > 0, epsilon),
             })
             .collect();
         let mut levels = vec![full];
         for _ in &probe.coarse {
-            levels.push(levels[levels.len() - 1].par_iter().map(Layer::down).collect());
+            levels.push(levels[levels.len() - 1].par_iter().map(LevelImage::down).collect());
         }
         let mut out = None;
         for (layers, logits) in levels[1..].iter().zip(&probe.coarse).rev() {
@@ -91,15 +95,15 @@ impl Reference {
 }
 
 /// The frames from the centre to a neighbour, both included.
-fn way(frames: &[Frame], centre: usize, offset: i32) -> Vec<&Frame> {
+fn frames_between(frames: &[Frame], centre: usize, offset: i32) -> Vec<&Frame> {
     (0..=offset.unsigned_abs() as usize).map(|k| if offset > 0 { &frames[centre + k] } else { &frames[centre - k] }).collect()
 }
 
 /// A level below full resolution.
-fn coarse(layers: &[Layer], coarser: Option<&Layer>, logits: &RegionLogits, a: &Architecture) -> Layer {
-    let Layer { rows, columns, channels, .. } = layers[0];
-    let mut out = Layer { rows, columns, channels, cells: Vec::new(), mask: Vec::new(), modulation: Vec::new() };
-    let lines: Vec<Vec<Option<Vec<Cell>>>> = (0..rows)
+fn coarse(layers: &[LevelImage], coarser: Option<&LevelImage>, logits: &RegionLogits, a: &Architecture) -> LevelImage {
+    let LevelImage { rows, columns, channels, .. } = layers[0];
+    let mut out = LevelImage { rows, columns, channels, cells: Vec::new(), mask: Vec::new(), modulation: Vec::new() };
+    let lines: Vec<Vec<Option<Vec<BoundedValue>>>> = (0..rows)
         .into_par_iter()
         .map(|y| {
             let one = |x: usize| {
@@ -107,12 +111,12 @@ fn coarse(layers: &[Layer], coarser: Option<&Layer>, logits: &RegionLogits, a: &
                 let of_coarser = |k: usize| logits.at(&logits.centre, a.centre_taps * a.centre_taps + k, y, x);
                 let of_pairs: Vec<_> = logits.pairs.iter().map(|pair| move |k: usize| logits.at(pair, k, y, x)).collect();
                 let at = (y as isize, x as isize);
-                let mut taps = vec![Taps { layer: &layers[0], size: a.centre_taps, at, logit: &of_centre }];
+                let mut taps = vec![ImageTaps { layer: &layers[0], size: a.centre_taps, at, logit: &of_centre }];
                 for (layer, logit) in layers[1..].iter().zip(&of_pairs) {
-                    taps.push(Taps { layer, size: a.neighbour_taps, at, logit });
+                    taps.push(ImageTaps { layer, size: a.neighbour_taps, at, logit });
                 }
                 let at = (at.0 / 2, at.1 / 2);
-                taps.extend(coarser.map(|layer| Taps { layer, size: a.coarse_taps, at, logit: &of_coarser }));
+                taps.extend(coarser.map(|layer| ImageTaps { layer, size: a.coarse_taps, at, logit: &of_coarser }));
                 average(&taps, channels, &channel)
             };
             (0..columns).map(one).collect()
@@ -120,13 +124,19 @@ fn coarse(layers: &[Layer], coarser: Option<&Layer>, logits: &RegionLogits, a: &
         .collect();
     for cells in lines.into_iter().flatten() {
         out.mask.push(cells.is_some());
-        out.cells.extend(cells.unwrap_or_else(|| vec![Cell::default(); channels]));
+        out.cells.extend(cells.unwrap_or_else(|| vec![BoundedValue::default(); channels]));
     }
     out
 }
 
 /// Full resolution, cut to the frame's own size and modulated.
-fn fine(layers: &[Layer], half: Option<&Layer>, logits: &RegionLogits, a: &Architecture, frame: &Frame) -> Array3<Cell> {
+fn fine(
+    layers: &[LevelImage],
+    half: Option<&LevelImage>,
+    logits: &RegionLogits,
+    a: &Architecture,
+    frame: &Frame,
+) -> Array3<BoundedValue> {
     let channels = layers[0].channels;
     let (rows, columns) = frame.size();
     let alpha = usize::from(frame.alpha.is_some());
@@ -143,16 +153,16 @@ fn fine(layers: &[Layer], half: Option<&Layer>, logits: &RegionLogits, a: &Archi
                 logits.pairs.iter().map(|pair| move |k: usize| logits.at(pair, phase * (n_near + 1) + k, hy, hx)).collect();
             let of_albedos: Vec<_> = of_pairs.iter().map(|pair| move |_: usize| pair(n_near)).collect();
             let at = (y as isize, x as isize);
-            let mut taps = vec![Taps { layer: &layers[0], size: a.centre_taps, at, logit: &of_centre }];
-            let mut albedo = vec![Taps { layer: &layers[0], size: a.albedo_taps, at, logit: &of_albedo }];
+            let mut taps = vec![ImageTaps { layer: &layers[0], size: a.centre_taps, at, logit: &of_centre }];
+            let mut albedo = vec![ImageTaps { layer: &layers[0], size: a.albedo_taps, at, logit: &of_albedo }];
             for (n, layer) in layers[1..].iter().enumerate() {
-                taps.push(Taps { layer, size: a.neighbour_taps, at, logit: &of_pairs[n] });
-                albedo.push(Taps { layer, size: 1, at, logit: &of_albedos[n] });
+                taps.push(ImageTaps { layer, size: a.neighbour_taps, at, logit: &of_pairs[n] });
+                albedo.push(ImageTaps { layer, size: 1, at, logit: &of_albedos[n] });
             }
             let at = (hy as isize, hx as isize);
-            taps.extend(half.map(|layer| Taps { layer, size: a.coarse_taps, at, logit: &of_coarse }));
+            taps.extend(half.map(|layer| ImageTaps { layer, size: a.coarse_taps, at, logit: &of_coarse }));
             let Some(values) = average(&taps, channels, &channel) else { continue };
-            let modulation = |layer: &Layer, pixel: usize, c: usize| Cell::of(layer.modulation[pixel][c]);
+            let modulation = |layer: &LevelImage, pixel: usize, c: usize| BoundedValue::of(layer.modulation[pixel][c]);
             let own = || (0..3).map(|c| modulation(&layers[0], y * layers[0].columns + x, c)).collect();
             let modulation = average(&albedo, 3, &modulation).unwrap_or_else(own);
             for (c, v) in values.iter().enumerate() {
@@ -165,8 +175,8 @@ fn fine(layers: &[Layer], half: Option<&Layer>, logits: &RegionLogits, a: &Archi
 }
 
 /// A value times its modulation, which is never negative.
-fn product(v: &Cell, m: &Cell) -> Cell {
-    Cell {
+fn product(v: &BoundedValue, m: &BoundedValue) -> BoundedValue {
+    BoundedValue {
         value: v.value * m.value,
         low: v.low * if v.low < 0.0 { m.high } else { m.low },
         high: v.high * if v.high < 0.0 { m.low } else { m.high },

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// A check of a case.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Row {
+pub struct CheckRow {
     /// What the frames were like.
     pub case: String,
     /// What was checked; see [`super::CHECKS`].
@@ -47,8 +47,8 @@ impl Worst {
         self.value += 1.0;
     }
 
-    pub fn row(self, case: &str, check: &str, bound: f64) -> Row {
+    pub fn row(self, case: &str, check: &str, bound: f64) -> CheckRow {
         let Self { value: worst, place } = self;
-        Row { case: case.into(), check: check.into(), bound, worst, place, passed: worst <= bound }
+        CheckRow { case: case.into(), check: check.into(), bound, worst, place, passed: worst <= bound }
     }
 }

@@ -1,10 +1,7 @@
-//! One network under every setting that must not change its result, and the checks that it goes through.
+//! One network under every setting that must not change its result.
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use super::cases::Case;
-use super::row::Row;
-use super::{checks, dial, firefly, symmetry};
 use crate::network::weights::{Architecture, Weights};
 use crate::rules::skip::Skip;
 use crate::simd::Isa;
@@ -42,31 +39,5 @@ impl Suite {
             others: others.map(|isa| Ok((isa, engine(Skip::NONE, None, Some(isa))?))).collect::<Result<_>>()?,
             one_thread: pool.map_err(|e| Error::BadSetting { name: "threads", reason: e.to_string() })?,
         })
-    }
-
-    /// What must hold whatever the frames and the weights are: the rows of one case.
-    pub fn case(&self, case: &Case) -> Vec<Row> {
-        checks::rows(self, case)
-    }
-
-    /// Every case of the table and `made_up` random ones, then what trained weights must do. `progress` gets how many are done,
-    /// how many there are, and what comes next.
-    ///
-    /// # Errors
-    /// An engine that refuses a frame that is not odd at all.
-    pub fn table(&self, made_up: u64, progress: &dyn Fn(usize, usize, &str)) -> Result<Vec<Row>> {
-        let cases: Vec<Case> = Case::all().into_iter().chain((0..made_up).map(Case::random)).collect();
-        let all = cases.len() + 1;
-        let mut out = Vec::new();
-        for (i, case) in cases.iter().enumerate() {
-            progress(i, all, &case.name);
-            out.extend(self.case(case));
-        }
-        progress(cases.len(), all, "noisy scene");
-        out.push(firefly::row(self)?);
-        out.extend(symmetry::rows(self)?);
-        out.extend(dial::rows(self)?);
-        progress(all, all, "");
-        Ok(out)
     }
 }

@@ -2,9 +2,8 @@
 
 use ndarray::{Array3, Axis, Slice, s};
 
-use super::cases::Case;
-use super::checks::values;
-use super::row::{Row, Worst};
+use super::cases::{Case, values};
+use super::row::{CheckRow, Worst};
 use super::scene::MOTION;
 use super::suite::Suite;
 use crate::frame::packed::ALIGNMENT;
@@ -16,7 +15,7 @@ const SHIFT: f64 = 1e-5;
 const MIRROR: f64 = 0.1;
 
 /// All rows about symmetry.
-pub(super) fn rows(suite: &Suite) -> Result<Vec<Row>> {
+pub(super) fn rows(suite: &Suite) -> Result<Vec<CheckRow>> {
     let mut out = vec![shifts(suite, &[(0, 8), (8, 0), (8, 16), (24, 24)])?.row("noisy scene", "shift by 8", SHIFT)];
     for (name, turn) in TURNS {
         out.push(turned(suite, name, turn)?);
@@ -128,7 +127,7 @@ fn swap(frame: &mut Frame) {
 }
 
 /// How far the result of turned frames, turned back, lies from the result, as a share of what was taken out of the noisy frame.
-fn turned(suite: &Suite, name: &str, turn: Turn) -> Result<Row> {
+fn turned(suite: &Suite, name: &str, turn: Turn) -> Result<CheckRow> {
     let case = clip(96, 128);
     let frames = case.build();
     let mut other = frames.clone();

@@ -1,4 +1,4 @@
-//! What a watch tells while it goes on, and its result.
+//! What a watch reports while it goes on, and its result.
 
 use std::path::{Path, PathBuf};
 
@@ -12,7 +12,7 @@ use crate::shot;
 #[derive(Debug, Serialize)]
 #[serde(tag = "event", rename_all = "snake_case")]
 #[non_exhaustive]
-pub enum Event<'a> {
+pub enum WatchEvent<'a> {
     /// First of all.
     Watching {
         /// The watched folder.
@@ -44,7 +44,7 @@ pub enum Event<'a> {
         /// What is missing.
         reason: String,
     },
-    /// There is nothing to do now; told when the numbers change, and after each landing and each run.
+    /// There is nothing to do now; reported when the numbers change, and after each landing and each run.
     Waiting(&'a Waiting),
     /// Nothing can be written now; it is tried again.
     Paused {
@@ -61,7 +61,7 @@ pub enum Event<'a> {
         message: String,
     },
     /// Last of all.
-    Done(&'a Report),
+    Done(&'a WatchSummary),
     /// A step of the run over some frames of a shot. `start` comes once a shot; the counts are those of the shot.
     #[serde(untagged)]
     Shot {
@@ -94,7 +94,7 @@ pub struct Waiting {
 
 /// The result of a watch.
 #[derive(Debug, Default, Serialize)]
-pub struct Report {
+pub struct WatchSummary {
     /// Frames that are there and whole.
     pub frames: usize,
     /// Frames written, those made again each time.
@@ -115,7 +115,7 @@ pub struct Report {
     pub seconds: f64,
 }
 
-impl Report {
+impl WatchSummary {
     /// Every frame that is there, or was asked for by number, is denoised with all that could help it.
     pub fn is_complete(&self) -> bool {
         self.failed.is_empty()

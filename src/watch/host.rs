@@ -15,14 +15,16 @@ pub(super) fn host() -> (String, String) {
 /// Whether a process of this machine is certainly not there.
 #[cfg(target_os = "linux")]
 pub(super) fn is_gone(pid: u32) -> bool {
-    // SAFETY: signal 0 is only a question.
-    let there = i32::try_from(pid).is_ok_and(|pid| unsafe { libc::kill(pid, 0) } == 0);
-    if there {
-        // A process that was killed stays listed until its parent takes notice.
-        let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
-        return stat.rsplit(')').next().is_some_and(|rest| rest.trim_start().starts_with('Z'));
+    use rustix::process::{Pid, test_kill_process};
+    let Some(known) = i32::try_from(pid).ok().and_then(Pid::from_raw) else { return false };
+    match test_kill_process(known) {
+        Ok(()) => {
+            // A process that was killed stays listed until its parent takes notice.
+            let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+            stat.rsplit(')').next().is_some_and(|rest| rest.trim_start().starts_with('Z'))
+        }
+        Err(error) => error == rustix::io::Errno::SRCH,
     }
-    std::io::Error::last_os_error().raw_os_error() == Some(libc::ESRCH)
 }
 
 /// Whether a process of this machine is certainly not there; without a key for the machine nothing is certain.

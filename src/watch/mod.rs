@@ -1,12 +1,14 @@
 //! Denoises frames while the render is still running: each as soon as it is whole and those beside it are there.
 //!
-//! The folder is seen through the system's events, or scanned ([`Options::poll`]). Each sequence in it, and in the folders below
+//! The folder is seen through the system's events, or scanned ([`WatchOptions::poll`]). Each sequence in it, and in the folders below
 //! it, is a shot. Frames that are ready are run through [`crate::shot`], a few at a time; its manifest says what was done, so that
 //! a watch that was killed goes on where it was, and the result is the same as that of one run over the finished shot.
 
+mod allocator;
 mod claims;
 mod events;
-mod eyes;
+mod folder;
+mod folder_events;
 mod host;
 mod ready;
 #[cfg(test)]
@@ -19,7 +21,7 @@ mod work;
 use std::path::PathBuf;
 use std::time::Duration;
 
-pub use events::{Event, Report, Waiting};
+pub use events::{Waiting, WatchEvent, WatchSummary};
 
 use crate::engine::Engine;
 use crate::error::Result;
@@ -28,7 +30,7 @@ use crate::shot::{CancelToken, Job};
 
 /// What to watch and how.
 #[derive(Clone, Debug)]
-pub struct Options {
+pub struct WatchOptions {
     /// A folder, which need not be there yet, or a pattern such as `shot/frame_####.exr`.
     pub input: PathBuf,
     /// Where the frames go; the folders below the input folder are mirrored in it.
@@ -52,13 +54,13 @@ pub struct Options {
 ///
 /// # Errors
 /// An output folder that is or holds the input folder, settings that cannot be had, with `once` nothing to denoise. Everything
-/// else is told and tried again.
+/// else is reported and tried again.
 pub fn watch(
-    options: &Options,
+    options: &WatchOptions,
     job: &dyn Fn(Sequence) -> Result<Job>,
     engine: &Engine,
-    report: &dyn Fn(Event<'_>),
+    report: &dyn Fn(WatchEvent<'_>),
     cancel: &CancelToken,
-) -> Result<Report> {
+) -> Result<WatchSummary> {
     watcher::Watcher::new(options, job, engine, report, cancel)?.run()
 }

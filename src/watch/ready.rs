@@ -20,7 +20,7 @@ const GAPS: usize = 9;
 
 /// What decides whether a frame is ready.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Rules {
+pub(super) struct ReadyRules {
     /// Frames on each side that help; None: as many as by default where there are motion vectors.
     pub window: Option<usize>,
     /// Motion vectors may be used.
@@ -37,7 +37,7 @@ pub(super) struct Rules {
     pub once: bool,
 }
 
-impl Rules {
+impl ReadyRules {
     /// Whether a frame is to be written; others only help.
     pub fn wants(&self, number: i64) -> bool {
         self.frames.as_ref().is_none_or(|set| set.contains(number))
@@ -59,7 +59,7 @@ pub(super) struct Made {
 
 /// What a look into a file found.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Look {
+pub(super) enum FileCheck {
     /// Header, chunk table and chunks are there.
     Whole { vector: bool },
     /// Something is missing.
@@ -77,7 +77,7 @@ enum Landing {
 }
 
 #[derive(Clone, Debug)]
-struct State {
+struct FrameState {
     stamp: Stamp,
     /// When the stamp was first seen.
     since: Duration,
@@ -91,7 +91,7 @@ struct State {
 /// The frames of one shot.
 #[derive(Debug, Default)]
 pub(super) struct Frames {
-    all: BTreeMap<i64, State>,
+    all: BTreeMap<i64, FrameState>,
     /// Frames that are not yet known to be whole.
     open: BTreeSet<i64>,
     /// Whole frames that may have to be made.
@@ -104,7 +104,7 @@ pub(super) struct Frames {
 
 /// How many frames are in which state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Counts {
+pub(super) struct FrameCounts {
     pub landed: usize,
     pub done: usize,
     pub failed: usize,
@@ -117,7 +117,7 @@ impl Frames {
     pub fn seen(&mut self, number: i64, stamp: Stamp, closed: bool, now: Duration) {
         let Some(state) = self.all.get_mut(&number) else {
             let landing = Landing::Unchecked { closed };
-            self.all.insert(number, State { stamp, since: now, landing, landed: false, made: None, held: Duration::ZERO });
+            self.all.insert(number, FrameState { stamp, since: now, landing, landed: false, made: None, held: Duration::ZERO });
             return self.news(number, now);
         };
         let changed = state.stamp != stamp || state.landing == Landing::Gone;
@@ -155,8 +155,8 @@ impl Frames {
     }
 
     /// Files to look into now.
-    pub fn due(&self, rules: &Rules, now: Duration) -> Vec<i64> {
-        let due = |s: &State| match &s.landing {
+    pub fn due(&self, rules: &ReadyRules, now: Duration) -> Vec<i64> {
+        let due = |s: &FrameState| match &s.landing {
             Landing::Unchecked { closed } => *closed || rules.once || now.saturating_sub(s.since) >= rules.quiet,
             Landing::Partial { again, .. } => !rules.once && again.is_some_and(|at| now >= at),
             Landing::Whole { .. } | Landing::Gone => false,
@@ -165,13 +165,13 @@ impl Frames {
     }
 
     /// What a look into a file found, and its stamp from before the look. True where a frame has landed.
-    pub fn looked(&mut self, number: i64, stamp: Stamp, look: Look, now: Duration) -> bool {
+    pub fn looked(&mut self, number: i64, stamp: Stamp, look: FileCheck, now: Duration) -> bool {
         let Some(state) = self.all.get_mut(&number) else { return false };
         if state.stamp != stamp {
             return false;
         }
         match look {
-            Look::Whole { vector } => {
+            FileCheck::Whole { vector } => {
                 state.landing = Landing::Whole { vector };
                 state.landed = true;
                 self.open.remove(&number);
@@ -186,11 +186,11 @@ impl Frames {
                 self.touch(number);
                 return true;
             }
-            Look::Partial(reason) => {
+            FileCheck::Partial(reason) => {
                 let fresh = now.saturating_sub(state.since) < AGAIN_FOR;
                 state.landing = Landing::Partial { reason, again: fresh.then_some(now + AGAIN) };
             }
-            Look::Unreadable(reason) => state.landing = Landing::Partial { reason, again: Some(now + AGAIN) },
+            FileCheck::Unreadable(reason) => state.landing = Landing::Partial { reason, again: Some(now + AGAIN) },
         }
         false
     }
@@ -198,7 +198,7 @@ impl Frames {
     /// Frames around a number may have to be made.
     fn touch(&mut self, number: i64) {
         let reach = crate::rules::window::MAX_WINDOW as i64;
-        let whole = |s: &State| matches!(s.landing, Landing::Whole { .. });
+        let whole = |s: &FrameState| matches!(s.landing, Landing::Whole { .. });
         self.maybe.extend(self.all.range(number - reach..=number + reach).filter(|(_, s)| whole(s)).map(|(n, _)| *n));
     }
 
@@ -233,7 +233,7 @@ impl Frames {
     }
 
     /// Frames on each side that help.
-    pub fn window(&self, rules: &Rules) -> usize {
+    pub fn window(&self, rules: &ReadyRules) -> usize {
         match rules.window {
             _ if !rules.vectors => 0,
             Some(window) => window,
@@ -249,7 +249,7 @@ impl Frames {
 
     /// The whole frames from `first` to `last`.
     pub fn whole(&self, first: i64, last: i64) -> impl Iterator<Item = i64> {
-        let whole = |s: &State| matches!(s.landing, Landing::Whole { .. });
+        let whole = |s: &FrameState| matches!(s.landing, Landing::Whole { .. });
         self.all.range(first..=last).filter(move |(_, s)| whole(s)).map(|(n, _)| *n)
     }
 
@@ -261,7 +261,7 @@ impl Frames {
     }
 
     /// Frames to denoise now, ascending.
-    pub fn ready(&mut self, rules: &Rules, now: Duration) -> Vec<i64> {
+    pub fn ready(&mut self, rules: &ReadyRules, now: Duration) -> Vec<i64> {
         let mut maybe = std::mem::take(&mut self.maybe);
         maybe.retain(|n| self.needs_work(*n, rules));
         self.maybe = maybe;
@@ -278,7 +278,7 @@ impl Frames {
     }
 
     /// Whether a frame is whole and not made, or made of something else.
-    pub fn needs_work(&self, number: i64, rules: &Rules) -> bool {
+    pub fn needs_work(&self, number: i64, rules: &ReadyRules) -> bool {
         let Some(state) = self.all.get(&number).filter(|_| rules.wants(number)) else { return false };
         let Landing::Whole { vector } = state.landing else { return false };
         let Some(made) = &state.made else { return true };
@@ -298,7 +298,7 @@ impl Frames {
     }
 
     /// Whether the window of a frame is there, as far as it is to come. `start` is the shot's first frame, if that is known.
-    fn is_satisfied(&self, number: i64, rules: &Rules, start: Option<i64>) -> bool {
+    fn is_satisfied(&self, number: i64, rules: &ReadyRules, start: Option<i64>) -> bool {
         let vector = self.all.get(&number).is_some_and(|s| s.landing == Landing::Whole { vector: true });
         let reach = if vector { self.window(rules) as i64 } else { 0 };
         let to_come = |k: i64| match (self.all.get(&k).map(|s| &s.landing), &rules.frames) {
@@ -318,7 +318,7 @@ impl Frames {
     }
 
     /// Whether no frame has come for so long that none is awaited any more.
-    fn has_settled(&self, rules: &Rules, now: Duration) -> bool {
+    fn has_settled(&self, rules: &ReadyRules, now: Duration) -> bool {
         now.saturating_sub(self.last_news) >= rules.settle.unwrap_or_else(|| self.usual_settle())
     }
 
@@ -332,14 +332,14 @@ impl Frames {
     /// Files that are not whole, and why.
     pub fn partial(&self) -> impl Iterator<Item = (i64, &str, Duration)> {
         self.open.iter().filter_map(|n| match self.all.get(n) {
-            Some(State { landing: Landing::Partial { reason, .. }, since, .. }) => Some((*n, reason.as_str(), *since)),
+            Some(FrameState { landing: Landing::Partial { reason, .. }, since, .. }) => Some((*n, reason.as_str(), *since)),
             _ => None,
         })
     }
 
     /// How many frames are in which state.
-    pub fn counts(&self, rules: &Rules) -> Counts {
-        let mut counts = Counts { partial: self.open.len(), ..Counts::default() };
+    pub fn counts(&self, rules: &ReadyRules) -> FrameCounts {
+        let mut counts = FrameCounts { partial: self.open.len(), ..FrameCounts::default() };
         for (number, state) in self.all.iter().filter(|(n, _)| rules.wants(**n)) {
             let whole = matches!(state.landing, Landing::Whole { .. });
             counts.landed += usize::from(whole);
@@ -354,27 +354,28 @@ impl Frames {
     }
 
     /// Whether one of the frames that are to be written has been seen.
-    pub fn any_wanted(&self, rules: &Rules) -> bool {
+    pub fn any_wanted(&self, rules: &ReadyRules) -> bool {
         self.all.keys().any(|n| rules.wants(*n))
     }
 
     /// Whether every frame that the shot will have is made, of what is there now. False where it is not known which those are.
-    pub fn has_all(&self, rules: &Rules) -> bool {
+    pub fn has_all(&self, rules: &ReadyRules) -> bool {
         let Some(set) = &rules.frames else { return false };
         let unsettled = |n: &i64| match self.all.get(n).map(|s| &s.landing) {
             Some(Landing::Unchecked { .. }) => true,
             Some(Landing::Partial { .. }) => rules.wants(*n),
             _ => false,
         };
-        let made =
-            |(n, s): (&i64, &State)| (s.made.as_ref().is_some_and(|m| !m.failed) && !self.needs_work(*n, rules)).then_some(*n);
+        let made = |(n, s): (&i64, &FrameState)| {
+            (s.made.as_ref().is_some_and(|m| !m.failed) && !self.needs_work(*n, rules)).then_some(*n)
+        };
         let done: Vec<i64> = self.all.iter().filter_map(made).collect();
         set.missing(&done).is_empty() && !self.open.iter().any(unsettled)
     }
 
     /// The whole frames that could not be denoised.
     pub fn failed(&self) -> impl Iterator<Item = i64> {
-        let failed = |s: &State| matches!(s.landing, Landing::Whole { .. }) && s.made.as_ref().is_some_and(|m| m.failed);
+        let failed = |s: &FrameState| matches!(s.landing, Landing::Whole { .. }) && s.made.as_ref().is_some_and(|m| m.failed);
         self.all.iter().filter(move |(_, s)| failed(s)).map(|(n, _)| *n)
     }
 }

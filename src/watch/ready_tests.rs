@@ -1,6 +1,6 @@
 use std::time::Duration;
 
-use super::ready::{Counts, Frames, Look, Made, Rules};
+use super::ready::{FileCheck, FrameCounts, Frames, Made, ReadyRules};
 use crate::shot::Stamp;
 
 const NONE: [i64; 0] = [];
@@ -8,7 +8,7 @@ const NONE: [i64; 0] = [];
 /// A shot whose frames land when a test says so; the time is in seconds.
 struct Play {
     frames: Frames,
-    rules: Rules,
+    rules: ReadyRules,
 }
 
 fn at(second: u64) -> Duration {
@@ -20,8 +20,8 @@ fn stamp(modified: u64) -> Stamp {
 }
 
 impl Play {
-    fn new(change: impl FnOnce(&mut Rules)) -> Self {
-        let mut rules = Rules { vectors: true, redo: true, settle: Some(at(100)), quiet: at(1), ..Rules::default() };
+    fn new(change: impl FnOnce(&mut ReadyRules)) -> Self {
+        let mut rules = ReadyRules { vectors: true, redo: true, settle: Some(at(100)), quiet: at(1), ..ReadyRules::default() };
         change(&mut rules);
         Self { frames: Frames::default(), rules }
     }
@@ -30,7 +30,7 @@ impl Play {
     fn land(&mut self, number: i64, second: u64) {
         self.frames.seen(number, stamp(second), true, at(second));
         assert!(self.frames.due(&self.rules, at(second)).contains(&number));
-        assert!(self.frames.looked(number, stamp(second), Look::Whole { vector: true }, at(second)));
+        assert!(self.frames.looked(number, stamp(second), FileCheck::Whole { vector: true }, at(second)));
     }
 
     /// The frames that are ready; they are made right away.
@@ -82,7 +82,7 @@ fn frames_outside_the_range_help_and_are_not_made() {
     assert_eq!(play.make(3), [2, 3]);
     play.land(4, 4);
     assert_eq!(play.make(4), [2, 3], "a helper that comes late");
-    assert_eq!(play.frames.counts(&play.rules), Counts { landed: 2, done: 2, ..Counts::default() });
+    assert_eq!(play.frames.counts(&play.rules), FrameCounts { landed: 2, done: 2, ..FrameCounts::default() });
 }
 
 #[test]
@@ -121,7 +121,7 @@ fn a_frame_rendered_again_takes_its_window_along() {
         assert_eq!(play.make(20), NONE, "the file is open");
         play.frames.seen(5, stamp(21), true, at(21));
         assert!(play.frames.is_again(5));
-        play.frames.looked(5, stamp(21), Look::Whole { vector: true }, at(21));
+        play.frames.looked(5, stamp(21), FileCheck::Whole { vector: true }, at(21));
         let again: &[i64] = if redo { &[3, 4, 5, 6, 7] } else { &[5] };
         assert_eq!(play.make(21), again, "redo {redo}");
     }
@@ -133,7 +133,7 @@ fn a_file_that_is_not_whole_holds_its_neighbours_up_until_all_is_quiet() {
     play.land(1, 1);
     play.land(3, 1);
     play.frames.seen(2, stamp(2), true, at(2));
-    assert!(!play.frames.looked(2, stamp(2), Look::Partial("is cut short".into()), at(2)));
+    assert!(!play.frames.looked(2, stamp(2), FileCheck::Partial("is cut short".into()), at(2)));
     assert_eq!(play.frames.partial().map(|(n, why, _)| (n, why)).collect::<Vec<_>>(), [(2, "is cut short")]);
     assert_eq!(play.make(50), NONE);
     assert_eq!(play.make(102), [1, 3]);
@@ -161,13 +161,13 @@ fn files_that_nobody_closed_must_be_stable() {
     assert_eq!(play.frames.due(&play.rules, at(2)), NONE);
     play.frames.seen(1, stamp(2), false, at(3));
     assert_eq!(play.frames.due(&play.rules, at(3)), [1]);
-    assert!(!play.frames.looked(1, stamp(1), Look::Whole { vector: true }, at(3)), "it has changed since the look");
+    assert!(!play.frames.looked(1, stamp(1), FileCheck::Whole { vector: true }, at(3)), "it has changed since the look");
 }
 
 #[test]
 fn a_partial_file_is_looked_at_again_when_it_is_closed_or_after_a_while() {
     let mut play = Play::new(|_| {});
-    let partial = || Look::Partial("is cut short".into());
+    let partial = || FileCheck::Partial("is cut short".into());
     play.frames.seen(1, stamp(1), true, at(1));
     play.frames.looked(1, stamp(1), partial(), at(1));
     assert_eq!(play.frames.due(&play.rules, at(5)), NONE);
@@ -178,7 +178,7 @@ fn a_partial_file_is_looked_at_again_when_it_is_closed_or_after_a_while() {
     play.frames.looked(1, stamp(1), partial(), at(90));
     assert_eq!(play.frames.due(&play.rules, at(9000)), NONE, "an old stub is not read for ever");
     play.frames.seen(1, stamp(9001), true, at(9001));
-    play.frames.looked(1, stamp(9001), Look::Unreadable("permission denied".into()), at(9100));
+    play.frames.looked(1, stamp(9001), FileCheck::Unreadable("permission denied".into()), at(9100));
     assert_eq!(play.frames.due(&play.rules, at(9105)), [1], "what could not be read may be allowed later");
 }
 
@@ -191,7 +191,7 @@ fn what_is_gone_is_no_reason_to_make_anything_again() {
     assert_eq!(play.make(300), NONE);
     assert_eq!((play.frames.there().count(), play.frames.ends()), (0, None));
     play.frames.seen(3, stamp(3), true, at(400));
-    play.frames.looked(3, stamp(3), Look::Whole { vector: true }, at(400));
+    play.frames.looked(3, stamp(3), FileCheck::Whole { vector: true }, at(400));
     assert_eq!(play.make(400), NONE, "the same file is back");
     play.land(4, 401);
     assert_eq!(play.make(600), [3, 4], "another one is new, and helps");
@@ -201,7 +201,7 @@ fn what_is_gone_is_no_reason_to_make_anything_again() {
 fn without_vectors_no_frame_waits() {
     let mut play = Play::new(|_| {});
     play.frames.seen(1, stamp(1), true, at(1));
-    play.frames.looked(1, stamp(1), Look::Whole { vector: false }, at(1));
+    play.frames.looked(1, stamp(1), FileCheck::Whole { vector: false }, at(1));
     assert_eq!(play.make(1), [1]);
     let mut play = Play::new(|r| r.window = Some(0));
     play.land(1, 1);

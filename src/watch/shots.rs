@@ -4,9 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::time::Duration;
 
-use super::Options;
-use super::ready::{Frames, Look, Made, Rules};
-use super::tree::{Place, ShotKey, Tree};
+use super::WatchOptions;
+use super::ready::{FileCheck, Frames, Made, ReadyRules};
+use super::tree::{FrameFile, ShotKey, Tree};
 use crate::engine::Identity;
 use crate::error::{Error, Result};
 use crate::io::is_complete;
@@ -23,17 +23,17 @@ pub(super) struct Shot {
     /// Such as `beauty/frame_####.exr`.
     pub name: String,
     pub frames: Frames,
-    pub rules: Rules,
+    pub rules: ReadyRules,
     /// The settings; its sequence is empty.
     job: Job,
     /// The engine's that makes its frames.
     engine: Identity,
     /// The width of the numbers in the files' names.
     digits: BTreeMap<i64, usize>,
-    /// Kinds of warnings that were told.
-    pub told: BTreeSet<String>,
-    /// Files told to be incomplete.
-    pub told_partial: BTreeMap<i64, Stamp>,
+    /// Kinds of warnings that were reported.
+    pub warned: BTreeSet<String>,
+    /// Files reported to be incomplete.
+    pub reported_incomplete: BTreeMap<i64, Stamp>,
     pub started: bool,
     pub written: usize,
     /// Frames that this process wrote.
@@ -46,15 +46,15 @@ impl Shot {
     ///
     /// # Errors
     /// Its settings cannot be had.
-    pub fn new(tree: &Tree, place: &Place, options: &Options, job: &dyn Fn(Sequence) -> Result<Job>) -> Result<Self> {
-        let key = ShotKey::clone(&place.key);
-        let path = tree.source(&key, place.number, place.digits);
-        let frames = vec![SequenceFrame { number: place.number, path }];
-        let mut job = job(Sequence { name: key.pattern(place.digits), frames, ignored: Vec::new(), named: None })?;
+    pub fn new(tree: &Tree, file: &FrameFile, options: &WatchOptions, job: &dyn Fn(Sequence) -> Result<Job>) -> Result<Self> {
+        let key = ShotKey::clone(&file.key);
+        let path = tree.source(&key, file.number, file.digits);
+        let frames = vec![SequenceFrame { number: file.number, path }];
+        let mut job = job(Sequence { name: key.pattern(file.digits), frames, ignored: Vec::new(), named: None })?;
         job.output = tree.output(&key);
         job.sequence.frames.clear();
         (job.overwrite, job.strict) = (false, false);
-        let rules = Rules {
+        let rules = ReadyRules {
             window: job.settings.window,
             vectors: job.vectors(),
             frames: job.settings.frames.clone(),
@@ -64,15 +64,15 @@ impl Shot {
             once: options.once,
         };
         Ok(Self {
-            name: key.name(place.digits),
+            name: key.name(file.digits),
             key,
             frames: Frames::default(),
             rules,
             engine: job.settings.identity()?,
             job,
             digits: BTreeMap::new(),
-            told: BTreeSet::new(),
-            told_partial: BTreeMap::new(),
+            warned: BTreeSet::new(),
+            reported_incomplete: BTreeMap::new(),
             started: false,
             written: 0,
             own: BTreeSet::new(),
@@ -96,15 +96,15 @@ impl Shot {
     }
 
     /// A file is there. False where another file has the same number.
-    pub fn seen(&mut self, place: &Place, stamp: Stamp, closed: bool, now: Duration) -> bool {
+    pub fn seen(&mut self, file: &FrameFile, stamp: Stamp, closed: bool, now: Duration) -> bool {
         let near = crate::rules::window::MAX_WINDOW as i64;
-        if !(place.number - near..=place.number + near).any(|n| self.rules.wants(n)) {
+        if !(file.number - near..=file.number + near).any(|n| self.rules.wants(n)) {
             return true;
         }
-        if *self.digits.entry(place.number).or_insert(place.digits) != place.digits {
+        if *self.digits.entry(file.number).or_insert(file.digits) != file.digits {
             return false;
         }
-        self.frames.seen(place.number, stamp, closed, now);
+        self.frames.seen(file.number, stamp, closed, now);
         true
     }
 
@@ -127,10 +127,10 @@ impl Shot {
             other => other,
         });
         let look = match vector {
-            Ok(vector) => Look::Whole { vector },
-            Err(Error::Io { source, .. }) => Look::Unreadable(source.to_string()),
-            Err(Error::BadFile { reason, .. }) => Look::Partial(reason),
-            Err(_) => Look::Whole { vector: false },
+            Ok(vector) => FileCheck::Whole { vector },
+            Err(Error::Io { source, .. }) => FileCheck::Unreadable(source.to_string()),
+            Err(Error::BadFile { reason, .. }) => FileCheck::Partial(reason),
+            Err(_) => FileCheck::Whole { vector: false },
         };
         match Stamp::of(&path) {
             Some(after) if after == stamp => {

@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use crate::error::{Error, Result};
 use crate::io::NumberPattern;
+use crate::io::sequence::is_exr;
 use crate::io::split_number;
 use crate::shot::{MANIFEST, Stamp, real_folder};
 
@@ -39,23 +40,23 @@ impl ShotKey {
 
 /// A frame's file, by its name.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Place {
+pub(super) struct FrameFile {
     pub key: Arc<ShotKey>,
     pub number: i64,
     pub digits: usize,
 }
 
-impl Place {
+impl FrameFile {
     /// The file's name.
-    pub fn file(&self) -> String {
+    pub fn name(&self) -> String {
         self.key.file(self.number, self.digits)
     }
 }
 
 /// What a scan found.
 #[derive(Debug, Default)]
-pub(super) struct Found {
-    pub frames: Vec<(Place, Stamp)>,
+pub(super) struct Scan {
+    pub frames: Vec<(FrameFile, Stamp)>,
     /// Files and folders left out, with why.
     pub ignored: Vec<(PathBuf, &'static str)>,
 }
@@ -111,7 +112,7 @@ impl Tree {
     }
 
     /// The frame that a path is, by its name and its folder.
-    pub fn place(&self, path: &Path) -> Option<Place> {
+    pub fn frame_of(&self, path: &Path) -> Option<FrameFile> {
         let folder = path.parent()?;
         if self.leaves_out(folder) || folder.join(MANIFEST).exists() {
             return None;
@@ -120,7 +121,7 @@ impl Tree {
     }
 
     /// The frame that a path is, by its name alone.
-    fn named(&self, path: &Path) -> Option<Place> {
+    fn named(&self, path: &Path) -> Option<FrameFile> {
         let below = path.strip_prefix(&self.input).ok()?;
         let (folder, name) = (below.parent()?, path.file_name()?.to_str()?);
         if below.iter().any(is_hidden) || !is_exr(path) {
@@ -133,7 +134,7 @@ impl Tree {
             }
             None => split_number(name)?,
         };
-        Some(Place { key: Arc::new(ShotKey { folder: folder.into(), prefix, suffix }), number, digits })
+        Some(FrameFile { key: Arc::new(ShotKey { folder: folder.into(), prefix, suffix }), number, digits })
     }
 
     /// Whether a folder is the output folder or below it.
@@ -142,8 +143,8 @@ impl Tree {
     }
 
     /// Finds the frames in a folder and below it. Folders that cannot be read are left out, as they may be on their way.
-    pub fn scan(&self, from: &Path) -> Found {
-        let mut found = Found::default();
+    pub fn scan(&self, from: &Path) -> Scan {
+        let mut found = Scan::default();
         let mut folders = BTreeSet::from([from.to_path_buf()]);
         while let Some(folder) = folders.pop_first() {
             if !folder.starts_with(&self.input) || self.leaves_out(&folder) {
@@ -169,17 +170,17 @@ impl Tree {
         found
     }
 
-    fn take_file(&self, path: PathBuf, found: &mut Found) {
+    fn take_file(&self, path: PathBuf, found: &mut Scan) {
         if !path.is_file() || path.file_name().is_some_and(is_hidden) {
             return;
         }
         match (self.named(&path), Stamp::of(&path)) {
-            (Some(mut place), Some(stamp)) => {
+            (Some(mut frame), Some(stamp)) => {
                 // One key for all the frames of a shot: there may be thousands.
-                if let Some((last, _)) = found.frames.last().filter(|(last, _)| last.key == place.key) {
-                    place.key = last.key.clone();
+                if let Some((last, _)) = found.frames.last().filter(|(last, _)| last.key == frame.key) {
+                    frame.key = last.key.clone();
                 }
-                found.frames.push((place, stamp));
+                found.frames.push((frame, stamp));
             }
             (None, Some(_)) if self.pattern.is_none() => found.ignored.push((path, "has no frame number in its name")),
             _ => {}
@@ -189,11 +190,6 @@ impl Tree {
 
 fn is_hidden(name: &OsStr) -> bool {
     name.as_encoded_bytes().starts_with(b".")
-}
-
-/// Whether a name is that of an EXR file.
-pub(super) fn is_exr(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"))
 }
 
 #[cfg(test)]
@@ -210,7 +206,7 @@ mod tests {
         dir
     }
 
-    fn names(found: &Found) -> Vec<String> {
+    fn names(found: &Scan) -> Vec<String> {
         let mut names: Vec<String> =
             found.frames.iter().map(|(p, _)| p.key.folder.join(p.key.file(p.number, p.digits)).display().to_string()).collect();
         names.sort();
@@ -240,9 +236,9 @@ mod tests {
         assert_eq!(ignored, ["old", "still.exr"]);
         assert_eq!(names(&tree.scan(&tree.input.join("a"))), ["a/b/s-12.exr"]);
         assert!(names(&tree.scan(&tree.input.join("out"))).is_empty() && names(&tree.scan(dir.path())).is_empty());
-        let place = tree.place(&dir.path().join("in/a/b/s-12.exr")).unwrap();
-        assert_eq!((place.key.name(place.digits), place.number), ("a/b/s-##.exr".into(), 12));
-        assert_eq!(tree.output(&place.key), dir.path().join("in/out/a/b"));
+        let frame = tree.frame_of(&dir.path().join("in/a/b/s-12.exr")).unwrap();
+        assert_eq!((frame.key.name(frame.digits), frame.number), ("a/b/s-##.exr".into(), 12));
+        assert_eq!(tree.output(&frame.key), dir.path().join("in/out/a/b"));
     }
 
     #[test]

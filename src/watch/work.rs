@@ -1,17 +1,18 @@
 //! The work: frames that are ready, a few at a time, claimed, denoised, and taken note of.
 
 use std::cell::RefCell;
-use std::path::Path;
-use std::time::Duration;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
-use super::claims::Claim;
-use super::events::Event;
+use super::claims::{Claim, Claims, tidy};
+use super::events::WatchEvent;
 use super::shots::Shot;
-use super::tree::ShotKey;
-use super::watcher::Watcher;
+use super::tree::{ShotKey, Tree};
+use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::rules::checks::WarningKind;
-use crate::shot::{self, Manifest, Status, Summary};
+use crate::shot::{self, CancelToken, Manifest, Runner, Status, Summary};
 
 /// Frames of one run at most; what lands meanwhile waits for its end.
 const BATCH: usize = 16;
@@ -20,24 +21,70 @@ const THEIRS: Duration = Duration::from_secs(1);
 /// An input that could not be read is tried again after this long.
 const UNREADABLE: Duration = Duration::from_secs(5);
 /// Where nothing can be written, the wait is this long at first and doubles up to `LAST_PAUSE`.
-pub(super) const FIRST_PAUSE: Duration = Duration::from_secs(2);
+const FIRST_PAUSE: Duration = Duration::from_secs(2);
 const LAST_PAUSE: Duration = Duration::from_secs(60);
 
-impl Watcher<'_> {
+/// Denoises frames that are ready.
+pub(super) struct Worker<'a> {
+    once: bool,
+    report: &'a dyn Fn(WatchEvent<'_>),
+    cancel: &'a CancelToken,
+    runner: Runner<'a>,
+    claims: Claims,
+    /// Output folders whose leftovers were cleared.
+    swept: BTreeSet<PathBuf>,
+    /// The shot that had its turn last.
+    turn: Option<ShotKey>,
+    /// Nothing can be written before then, and the wait after the next failure.
+    pause: (Duration, Duration),
+    /// What ended the work early, with `once`.
+    pub stopped: Option<Error>,
+    began: Instant,
+}
+
+impl<'a> Worker<'a> {
+    /// With `once` an output folder that cannot be written to ends the work; times count from `began`.
+    pub fn new(
+        once: bool,
+        engine: &'a Engine,
+        report: &'a dyn Fn(WatchEvent<'_>),
+        cancel: &'a CancelToken,
+        began: Instant,
+    ) -> Self {
+        Self {
+            once,
+            report,
+            cancel,
+            runner: Runner::new(engine),
+            claims: Claims::new(),
+            swept: BTreeSet::new(),
+            turn: None,
+            pause: (Duration::ZERO, FIRST_PAUSE),
+            stopped: None,
+            began,
+        }
+    }
+
+    fn now(&self) -> Duration {
+        self.began.elapsed()
+    }
+
+    /// Leaves nothing of the claims behind.
+    pub fn tidy(&self) {
+        self.swept.iter().for_each(|output| tidy(output));
+    }
+
     /// Denoises some frames of one shot. False where there is nothing to do.
-    pub fn work(&mut self) -> bool {
+    pub fn work(&mut self, shots: &mut BTreeMap<ShotKey, Shot>, tree: &Tree) -> bool {
         if self.now() < self.pause.0 {
             return false;
         }
         // The shots take turns.
         let after = |k: &&ShotKey| self.turn.as_ref().is_none_or(|turn| *k > turn);
-        let keys: Vec<ShotKey> =
-            self.shots.keys().filter(after).chain(self.shots.keys().filter(|k| !after(k))).cloned().collect();
+        let keys: Vec<ShotKey> = shots.keys().filter(after).chain(shots.keys().filter(|k| !after(k))).cloned().collect();
         for key in keys {
-            let Some(mut shot) = self.shots.remove(&key) else { continue };
-            let worked = self.work_on(&mut shot);
-            self.shots.insert(key.clone(), shot);
-            match worked {
+            let Some(shot) = shots.get_mut(&key) else { continue };
+            match self.work_on(shot, tree) {
                 Ok(false) => continue,
                 Ok(true) => self.turn = Some(key),
                 Err(error) => self.pause(error),
@@ -49,19 +96,19 @@ impl Watcher<'_> {
 
     /// Says what is wrong with the output folder and waits.
     fn pause(&mut self, error: Error) {
-        if self.options.once {
-            (self.report)(Event::Warning { kind: WarningKind::Note, message: format!("stopped: {error}") });
+        if self.once {
+            (self.report)(WatchEvent::Warning { kind: WarningKind::Note, message: format!("stopped: {error}") });
             self.stopped = Some(error);
             return;
         }
         let wait = self.pause.1;
         self.pause = (self.now() + wait, (wait * 2).min(LAST_PAUSE));
         let message = format!("{error}: free space or allow writing there; the next attempt is in {} s", wait.as_secs());
-        (self.report)(Event::Paused { message, seconds: wait.as_secs_f64() });
+        (self.report)(WatchEvent::Paused { message, seconds: wait.as_secs_f64() });
     }
 
     /// Denoises some frames of a shot. False where none is ready. The error is about the output folder.
-    fn work_on(&mut self, shot: &mut Shot) -> Result<bool> {
+    fn work_on(&mut self, shot: &mut Shot, tree: &Tree) -> Result<bool> {
         let ready = shot.frames.ready(&shot.rules, self.now());
         if ready.is_empty() {
             return Ok(false);
@@ -96,7 +143,7 @@ impl Watcher<'_> {
         if todo.is_empty() {
             return Ok(false);
         }
-        let done = self.denoise(shot, &todo, &output);
+        let done = self.denoise(shot, tree, &todo, &output);
         drop(held);
         done.map(|()| true)
     }
@@ -107,9 +154,9 @@ impl Watcher<'_> {
         let manifest = match self.runner.ledger(shot.output()).read() {
             Ok(manifest) => manifest,
             Err(error) => {
-                if shot.told.insert("manifest".into()) {
+                if shot.warned.insert("manifest".into()) {
                     let message = format!("{error}: what it says about the frames there is not known");
-                    (self.report)(Event::Warning { kind: WarningKind::Manifest, message });
+                    (self.report)(WatchEvent::Warning { kind: WarningKind::Manifest, message });
                 }
                 &empty
             }
@@ -121,7 +168,7 @@ impl Watcher<'_> {
                 Ok(()) => {}
                 Err(error) => {
                     let event = shot::Event::Error { frame: Some(number), message: error.to_string() };
-                    (self.report)(Event::Shot { shot: &shot.name, event });
+                    (self.report)(WatchEvent::Shot { shot: &shot.name, event });
                     shot.give_up(number);
                 }
             }
@@ -130,18 +177,18 @@ impl Watcher<'_> {
     }
 
     /// Runs over frames that are claimed; where they cannot be done together, one by one.
-    fn denoise(&mut self, shot: &mut Shot, numbers: &[i64], output: &Path) -> Result<()> {
-        match self.run_over(shot, numbers) {
+    fn denoise(&mut self, shot: &mut Shot, tree: &Tree, numbers: &[i64], output: &Path) -> Result<()> {
+        match self.run_over(shot, tree, numbers) {
             Ok(summary) => self.take_note(shot, numbers, summary, output),
             Err(Error::Io { path, source }) if path.starts_with(output) => Err(Error::Io { path, source }),
-            Err(_) if numbers.len() > 1 => numbers.iter().try_for_each(|n| self.denoise(shot, &[*n], output)),
+            Err(_) if numbers.len() > 1 => numbers.iter().try_for_each(|n| self.denoise(shot, tree, &[*n], output)),
             Err(error) => {
                 for &number in numbers {
                     let event = shot::Event::Error { frame: Some(number), message: error.to_string() };
-                    (self.report)(Event::Shot { shot: &shot.name, event });
+                    (self.report)(WatchEvent::Shot { shot: &shot.name, event });
                     match error {
                         // The input may be gone, or back in a moment.
-                        Error::Io { .. } if !self.options.once => shot.frames.hold(number, self.now() + UNREADABLE),
+                        Error::Io { .. } if !self.once => shot.frames.hold(number, self.now() + UNREADABLE),
                         _ => shot.give_up(number),
                     }
                 }
@@ -150,10 +197,10 @@ impl Watcher<'_> {
         }
     }
 
-    fn run_over(&mut self, shot: &mut Shot, numbers: &[i64]) -> Result<Summary> {
-        let job = shot.job_for(&self.tree, numbers);
+    fn run_over(&mut self, shot: &mut Shot, tree: &Tree, numbers: &[i64]) -> Result<Summary> {
+        let job = shot.job_for(tree, numbers);
         let counts = shot.frames.counts(&shot.rules);
-        let (name, told, started) = (shot.name.clone(), RefCell::new(&mut shot.told), shot.started);
+        let (name, warned, started) = (shot.name.clone(), RefCell::new(&mut shot.warned), shot.started);
         let report = |event: shot::Event<'_>| {
             let event = match event {
                 shot::Event::Start { .. } if started => return,
@@ -165,16 +212,16 @@ impl Watcher<'_> {
                     let (finished, frames) = ((counts.done + finished).min(counts.landed), counts.landed);
                     shot::Event::Frame { frame, status, lambda, source, output, neighbours, reason, seconds, finished, frames }
                 }
-                // Which frames are made again is told each time, the rest once a shot.
+                // Which frames are made again is reported each time, the rest once a shot.
                 shot::Event::Warning(w)
-                    if w.kind != WarningKind::Redone && !told.borrow_mut().insert(format!("{:?}", w.kind)) =>
+                    if w.kind != WarningKind::Redone && !warned.borrow_mut().insert(format!("{:?}", w.kind)) =>
                 {
                     return;
                 }
                 shot::Event::Error { frame: None, .. } | shot::Event::Done(_) => return,
                 event => event,
             };
-            (self.report)(Event::Shot { shot: &name, event });
+            (self.report)(WatchEvent::Shot { shot: &name, event });
         };
         let summary = self.runner.run(&job, &report, self.cancel)?;
         shot.started = true;

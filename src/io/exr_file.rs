@@ -24,7 +24,7 @@ const MAX_CHUNK_BYTES: u64 = 1 << 31;
 const MAX_RATIO: u64 = 1 << 17;
 
 /// An open file with a believable header.
-pub(crate) struct Source {
+pub(crate) struct ExrFile {
     path: PathBuf,
     file: BufReader<File>,
     bytes: u64,
@@ -43,7 +43,7 @@ pub(crate) struct Chunk {
     pub data: Vec<u8>,
 }
 
-impl Source {
+impl ExrFile {
     /// Opens a file and checks its header, without touching the pixels.
     pub fn open(path: &Path) -> Result<Self> {
         let file = File::open(path).map_err(|e| Error::io(path, e))?;

@@ -1,4 +1,4 @@
-//! Where to look: hints from the operating system where it gives any. A hint only says that a path may have changed.
+//! What the operating system says about a folder, where it says anything: that a path may have changed.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -9,14 +9,14 @@ use notify_debouncer_full::notify::event::{AccessKind, AccessMode, CreateKind, E
 use notify_debouncer_full::notify::{self, Config, RecommendedWatcher, RecursiveMode};
 use notify_debouncer_full::{DebounceEventResult, DebouncedEvent, Debouncer, NoCache, new_debouncer_opt};
 
-use super::tree::is_exr;
+use crate::io::sequence::is_exr;
 
-/// Events on one path are gathered this long.
+/// Events on one path are put together for this long.
 const DEBOUNCE: Duration = Duration::from_millis(100);
 
 /// What may have changed; bounded by the names in the folder.
 #[derive(Debug, Default, PartialEq, Eq)]
-pub(super) struct Hints {
+pub(super) struct Changes {
     /// EXR files, and whether their writer has closed them.
     pub files: BTreeMap<PathBuf, bool>,
     /// Folders to scan.
@@ -25,17 +25,17 @@ pub(super) struct Hints {
     pub all: bool,
 }
 
-type Shared = Arc<(Mutex<Hints>, Condvar)>;
+type Shared = Arc<(Mutex<Changes>, Condvar)>;
 
 /// The watch on a folder.
-pub(super) struct Eyes {
+pub(super) struct FolderEvents {
     shared: Shared,
     debouncer: Option<Debouncer<RecommendedWatcher, NoCache>>,
 }
 
-impl Eyes {
-    /// Eyes that see nothing by themselves.
-    pub fn closed() -> Self {
+impl FolderEvents {
+    /// Of no folder.
+    pub fn off() -> Self {
         Self { shared: Shared::default(), debouncer: None }
     }
 
@@ -43,7 +43,7 @@ impl Eyes {
     ///
     /// # Errors
     /// What to tell the user: the system refuses, such as for too many watches. The folder must then be scanned.
-    pub fn open(&mut self, folder: &Path) -> Result<(), String> {
+    pub fn start(&mut self, folder: &Path) -> Result<(), String> {
         let shared = self.shared.clone();
         let watch = || {
             let handler = move |result: DebounceEventResult| take(&shared, result);
@@ -58,20 +58,20 @@ impl Eyes {
     }
 
     /// Stops watching.
-    pub fn close(&mut self) {
+    pub fn stop(&mut self) {
         self.debouncer = None;
     }
 
     /// Whether a folder is watched.
-    pub fn are_open(&self) -> bool {
+    pub fn are_on(&self) -> bool {
         self.debouncer.is_some()
     }
 
-    /// The hints since the last call; waits for one up to `timeout`.
-    pub fn hints(&self, timeout: Duration) -> Hints {
-        let (hints, bell) = &*self.shared;
-        let nothing = |hints: &mut Hints| *hints == Hints::default();
-        let guard = hints.lock().unwrap_or_else(PoisonError::into_inner);
+    /// The changes since the last call; waits for some up to `timeout`.
+    pub fn changes(&self, timeout: Duration) -> Changes {
+        let (changes, bell) = &*self.shared;
+        let nothing = |changes: &mut Changes| *changes == Changes::default();
+        let guard = changes.lock().unwrap_or_else(PoisonError::into_inner);
         let (mut guard, _) = bell.wait_timeout_while(guard, timeout, nothing).unwrap_or_else(PoisonError::into_inner);
         std::mem::take(&mut guard)
     }
@@ -82,25 +82,36 @@ fn refusal(folder: &Path, error: &notify::Error) -> String {
     let full = "the limit of watched folders is reached (sysctl fs.inotify.max_user_watches, fs.inotify.max_user_instances)";
     let reason = match &error.kind {
         notify::ErrorKind::MaxFilesWatch => full.to_string(),
-        notify::ErrorKind::Io(e) if matches!(e.raw_os_error(), Some(libc::EMFILE | libc::ENOSPC)) => full.to_string(),
+        notify::ErrorKind::Io(e) if is_at_the_limit(e) => full.to_string(),
         _ => error.to_string(),
     };
     format!("{}: {reason}: the folder is scanned every few seconds instead", folder.display())
 }
 
+#[cfg(unix)]
+fn is_at_the_limit(error: &std::io::Error) -> bool {
+    use rustix::io::Errno;
+    matches!(Errno::from_io_error(error), Some(Errno::MFILE | Errno::NOSPC))
+}
+
+#[cfg(not(unix))]
+fn is_at_the_limit(_: &std::io::Error) -> bool {
+    false
+}
+
 fn take(shared: &Shared, result: DebounceEventResult) {
-    let (hints, bell) = &**shared;
-    let mut hints = hints.lock().unwrap_or_else(PoisonError::into_inner);
+    let (changes, bell) = &**shared;
+    let mut changes = changes.lock().unwrap_or_else(PoisonError::into_inner);
     match result {
-        Ok(events) => events.iter().for_each(|e| hints.add(e)),
-        Err(_) => hints.all = true,
+        Ok(events) => events.iter().for_each(|e| changes.add(e)),
+        Err(_) => changes.all = true,
     }
-    if *hints != Hints::default() {
+    if *changes != Changes::default() {
         bell.notify_all();
     }
 }
 
-impl Hints {
+impl Changes {
     fn add(&mut self, event: &DebouncedEvent) {
         self.all |= event.need_rescan();
         let (closed, folder) = match event.kind {
@@ -126,14 +137,9 @@ impl Hints {
 /// Whether a folder lies on a network file system, which tells nothing about what other machines do.
 #[cfg(target_os = "linux")]
 pub(super) fn is_remote(folder: &Path) -> bool {
-    use std::os::unix::ffi::OsStrExt;
+    // NFS, SMB, CIFS, SMB 2, FUSE, Coda, 9P.
     const REMOTE: [u64; 7] = [0x6969, 0x517b, 0xff53_4d42, 0xfe53_4d42, 0x6573_5546, 0x7375_7245, 0x0102_1997];
-    let Ok(path) = std::ffi::CString::new(folder.as_os_str().as_bytes()) else { return false };
-    // SAFETY: `path` ends with a zero byte and `about` has room for what is written.
-    unsafe {
-        let mut about: libc::statfs = std::mem::zeroed();
-        libc::statfs(path.as_ptr(), &mut about) == 0 && REMOTE.contains(&(about.f_type as u64 & 0xffff_ffff))
-    }
+    rustix::fs::statfs(folder).is_ok_and(|about| REMOTE.contains(&(about.f_type as u64 & 0xffff_ffff)))
 }
 
 /// Whether a folder lies on a network file system; not known on this system.
@@ -154,39 +160,42 @@ mod tests {
 
     #[test]
     fn our_own_reading_is_no_hint_and_closing_is_remembered() {
-        let mut hints = Hints::default();
-        hints.add(&event(EventKind::Access(AccessKind::Open(AccessMode::Any)), "/a/f_1.exr"));
-        hints.add(&event(EventKind::Access(AccessKind::Close(AccessMode::Read)), "/a/f_1.exr"));
-        assert_eq!(hints, Hints::default());
-        hints.add(&event(EventKind::Create(CreateKind::File), "/a/f_1.exr"));
-        hints.add(&event(EventKind::Access(AccessKind::Close(AccessMode::Write)), "/a/f_1.exr"));
-        hints.add(&event(EventKind::Modify(ModifyKind::Any), "/a/f_1.exr"));
-        hints.add(&event(EventKind::Create(CreateKind::Folder), "/a/b"));
-        assert_eq!(hints.files, BTreeMap::from([("/a/f_1.exr".into(), true)]));
-        assert_eq!(hints.folders, BTreeSet::from(["/a/b".into()]));
+        let mut changes = Changes::default();
+        changes.add(&event(EventKind::Access(AccessKind::Open(AccessMode::Any)), "/a/f_1.exr"));
+        changes.add(&event(EventKind::Access(AccessKind::Close(AccessMode::Read)), "/a/f_1.exr"));
+        assert_eq!(changes, Changes::default());
+        changes.add(&event(EventKind::Create(CreateKind::File), "/a/f_1.exr"));
+        changes.add(&event(EventKind::Access(AccessKind::Close(AccessMode::Write)), "/a/f_1.exr"));
+        changes.add(&event(EventKind::Modify(ModifyKind::Any), "/a/f_1.exr"));
+        changes.add(&event(EventKind::Create(CreateKind::Folder), "/a/b"));
+        assert_eq!(changes.files, BTreeMap::from([("/a/f_1.exr".into(), true)]));
+        assert_eq!(changes.folders, BTreeSet::from(["/a/b".into()]));
     }
 
     #[test]
     fn a_refusal_tells_what_is_done_instead() {
         let full = notify::Error::new(notify::ErrorKind::MaxFilesWatch);
-        let io = notify::Error::io(std::io::Error::from_raw_os_error(libc::EMFILE));
-        for error in [full, io] {
+        #[cfg(unix)]
+        let others = [notify::Error::io(rustix::io::Errno::MFILE.into())];
+        #[cfg(not(unix))]
+        let others = [];
+        for error in [full].into_iter().chain(others) {
             let text = refusal(Path::new("/shot"), &error);
             assert!(text.contains("/shot") && text.contains("max_user_watches") && text.contains("scanned"), "{text}");
         }
-        assert!(Eyes::closed().open(Path::new("/not/there")).unwrap_err().contains("/not/there"));
+        assert!(FolderEvents::off().start(Path::new("/not/there")).unwrap_err().contains("/not/there"));
     }
 
     #[test]
     fn what_is_written_below_the_folder_is_seen() {
         let dir = tempfile::tempdir().unwrap();
-        let mut eyes = Eyes::closed();
-        eyes.open(dir.path()).unwrap();
+        let mut events = FolderEvents::off();
+        events.start(dir.path()).unwrap();
         let file = dir.path().join("f_1.exr");
         std::fs::write(&file, b"x").unwrap();
         let mut seen = false;
         for _ in 0..50 {
-            seen |= eyes.hints(Duration::from_millis(100)).files.get(&file) == Some(&true);
+            seen |= events.changes(Duration::from_millis(100)).files.get(&file) == Some(&true);
             if seen {
                 break;
             }
@@ -194,6 +203,6 @@ mod tests {
         assert!(seen);
         std::fs::read(&file).unwrap();
         std::thread::sleep(Duration::from_millis(400));
-        assert_eq!(eyes.hints(Duration::ZERO), Hints::default(), "reading is no hint");
+        assert_eq!(events.changes(Duration::ZERO), Changes::default(), "reading is no hint");
     }
 }

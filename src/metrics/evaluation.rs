@@ -40,7 +40,7 @@ pub enum Motion {
 
 /// One frame.
 #[derive(Clone, Debug, Serialize)]
-pub struct FrameReport {
+pub struct FrameEvaluation {
     /// Its number.
     pub frame: i64,
     /// The files compared.
@@ -61,18 +61,18 @@ pub struct FrameReport {
 
 /// All frames.
 #[derive(Clone, Debug, Serialize)]
-pub struct Report {
+pub struct Evaluation {
     /// How images were scaled before they were compared.
     pub scaling: Scaling,
     /// By ascending number.
-    pub frames: Vec<FrameReport>,
+    pub frames: Vec<FrameEvaluation>,
     /// The mean of each metric over the frames that have it; None if no frame could be compared.
     pub mean: Option<Scores>,
     /// What a reader of the numbers must know, a sentence each.
     pub warnings: Vec<String>,
 }
 
-impl Report {
+impl Evaluation {
     /// How many frames could not be compared.
     pub fn failed(&self) -> usize {
         self.frames.iter().filter(|f| f.scores.is_none()).count()
@@ -80,7 +80,7 @@ impl Report {
 }
 
 /// The mean of each metric over the frames that have it.
-pub(super) fn mean(frames: &[FrameReport]) -> Option<Scores> {
+pub(super) fn mean(frames: &[FrameEvaluation]) -> Option<Scores> {
     let scores: Vec<Scores> = frames.iter().filter_map(|f| f.scores).collect();
     let of = |metric: fn(&Scores) -> f64| scores.iter().map(metric).sum::<f64>() / scores.len() as f64;
     let flicker: Vec<f64> = scores.iter().filter_map(|s| s.flicker).collect();
@@ -95,7 +95,7 @@ pub(super) fn mean(frames: &[FrameReport]) -> Option<Scores> {
 }
 
 /// A table with a row a frame and a row of means, then the warnings.
-impl fmt::Display for Report {
+impl fmt::Display for Evaluation {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let width = self.frames.iter().map(|r| r.frame.to_string().len()).max().unwrap_or(0).max("frame".len());
         let head = ["SMAPE", "relMSE", "PSNR", "SSIM", "FLIP", "flicker"];
@@ -133,11 +133,11 @@ fn cell(value: f64) -> String {
 mod tests {
     use super::*;
 
-    fn row(frame: i64, scores: Option<Scores>) -> FrameReport {
+    fn row(frame: i64, scores: Option<Scores>) -> FrameEvaluation {
         let error = scores.is_none().then(|| "no denoised frame".to_string());
         let name = PathBuf::from(format!("{frame:04}.exr"));
         let denoised = scores.map(|_| name.clone());
-        FrameReport {
+        FrameEvaluation {
             frame,
             reference: name,
             denoised,
@@ -149,12 +149,12 @@ mod tests {
         }
     }
 
-    fn report() -> Report {
+    fn report() -> Evaluation {
         let first = Scores { smape: 0.04, relmse: 12345.0, psnr: 30.0, ssim: 0.9, flip: 0.05, flicker: None };
         let second = Scores { smape: 0.06, relmse: 0.00002, psnr: 40.0, ssim: 1.0, flip: 0.07, flicker: Some(0.02) };
         let frames = vec![row(9, Some(first)), row(10, Some(second)), row(11, None)];
         let mean = mean(&frames);
-        Report { scaling: Scaling::ReferenceMean, frames, mean, warnings: vec!["Look out.".into()] }
+        Evaluation { scaling: Scaling::ReferenceMean, frames, mean, warnings: vec!["Look out.".into()] }
     }
 
     #[test]

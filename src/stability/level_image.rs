@@ -3,12 +3,12 @@
 use crate::Frame;
 use crate::frame::packed::ALIGNMENT;
 
-/// The brightest radiance that the engine keeps.
-const BRIGHTEST: f64 = 1e35;
+/// The brightest radiance that the engine keeps, written out again: this reference shares no arithmetic with what it checks.
+const MAX_RADIANCE: f64 = 1e35;
 
 /// A value with what it may be: a pixel is all three of itself, an average lies between its taps' bounds.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Cell {
+pub(super) struct BoundedValue {
     pub value: f64,
     pub low: f64,
     pub high: f64,
@@ -16,26 +16,26 @@ pub(super) struct Cell {
     pub size: f64,
 }
 
-impl Cell {
+impl BoundedValue {
     pub fn of(value: f64) -> Self {
         Self { value, low: value, high: value, size: value.abs() }
     }
 }
 
 /// One image of a pyramid level, padded; channels are colour, alpha, light passes.
-pub(super) struct Layer {
+pub(super) struct LevelImage {
     pub rows: usize,
     pub columns: usize,
     pub channels: usize,
     /// [row][column][channel].
-    pub cells: Vec<Cell>,
+    pub cells: Vec<BoundedValue>,
     /// Whether a pixel may be used.
     pub mask: Vec<bool>,
     /// [row][column]: the albedo plus ε, at full resolution.
     pub modulation: Vec<[f64; 3]>,
 }
 
-impl Layer {
+impl LevelImage {
     /// A pixel's index, None outside the image.
     pub fn index(&self, y: isize, x: isize) -> Option<usize> {
         let inside = (0..self.rows as isize).contains(&y) && (0..self.columns as isize).contains(&x);
@@ -43,7 +43,7 @@ impl Layer {
     }
 
     /// A pixel's channels.
-    pub fn pixel(&self, index: usize) -> &[Cell] {
+    pub fn pixel(&self, index: usize) -> &[BoundedValue] {
         &self.cells[index * self.channels..][..self.channels]
     }
 
@@ -63,13 +63,13 @@ impl Layer {
                 let modulation: [f64; 3] =
                     std::array::from_fn(|c| frame.albedo.as_ref().map_or(1.0, |a| bounded(a[[iy, ix, c]]) + epsilon));
                 for (c, m) in modulation.iter().enumerate() {
-                    let v = if finite { f64::from(frame.colour[[iy, ix, c]]).clamp(0.0, BRIGHTEST) } else { 0.0 };
-                    out.cells.push(Cell::of(v / m));
+                    let v = if finite { f64::from(frame.colour[[iy, ix, c]]).clamp(0.0, MAX_RADIANCE) } else { 0.0 };
+                    out.cells.push(BoundedValue::of(v / m));
                 }
-                out.cells.extend(frame.alpha.iter().map(|a| Cell::of(number(a[[iy, ix]]).clamp(0.0, 1.0))));
+                out.cells.extend(frame.alpha.iter().map(|a| BoundedValue::of(number(a[[iy, ix]]).clamp(0.0, 1.0))));
                 for aov in &frame.aovs {
-                    let at = |c: usize| number(aov.image[[iy, ix, c]]).clamp(-BRIGHTEST, BRIGHTEST);
-                    out.cells.extend((0..3).map(|c| Cell::of(at(c) / modulation[c])));
+                    let at = |c: usize| number(aov.image[[iy, ix, c]]).clamp(-MAX_RADIANCE, MAX_RADIANCE);
+                    out.cells.extend((0..3).map(|c| BoundedValue::of(at(c) / modulation[c])));
                 }
                 out.mask.push(finite && y < own_rows && x < own_columns);
                 out.modulation.push(modulation);
@@ -78,8 +78,8 @@ impl Layer {
         out
     }
 
-    /// The last of `frames` (centre first, one step of motion each) where the centre's vectors lead, frame by frame; the way goes
-    /// into the future where `later`. Positions are float32, as they are defined; pixels are float64.
+    /// The last of `frames` (centre first, one step of motion each) where the centre's vectors lead, frame by frame; into the
+    /// future where `later`. Positions are float32, as they are defined; pixels are float64.
     pub fn warped(frames: &[&Frame], later: bool, epsilon: f64) -> Self {
         let source = Self::new(frames[frames.len() - 1], epsilon);
         let (rows, columns, channels) = (source.rows, source.columns, source.channels);
@@ -93,7 +93,7 @@ impl Layer {
                     let all: f64 = weights.iter().map(|w| f64::from(*w)).sum();
                     corners.iter().zip(weights).map(|(i, w)| of(*i) * f64::from(w)).sum::<f64>() / all
                 };
-                out.cells.extend((0..channels).map(|c| Cell::of(mean(&|i| source.pixel(i)[c].value))));
+                out.cells.extend((0..channels).map(|c| BoundedValue::of(mean(&|i| source.pixel(i)[c].value))));
                 out.mask.push(inside && unusable == 0.0);
                 out.modulation.push(std::array::from_fn(|c| mean(&|i| source.modulation[i][c])));
             }
@@ -111,9 +111,9 @@ impl Layer {
                 let usable: Vec<usize> = four.into_iter().filter(|i| self.mask[*i]).collect();
                 let count = usable.len().max(1) as f64;
                 for c in 0..channels {
-                    let mean = |of: fn(&Cell) -> f64| usable.iter().map(|i| of(&self.pixel(*i)[c])).sum::<f64>() / count;
+                    let mean = |of: fn(&BoundedValue) -> f64| usable.iter().map(|i| of(&self.pixel(*i)[c])).sum::<f64>() / count;
                     let value = mean(|cell| cell.value);
-                    out.cells.push(Cell { value, low: value, high: value, size: mean(|cell| cell.size) });
+                    out.cells.push(BoundedValue { value, low: value, high: value, size: mean(|cell| cell.size) });
                 }
                 out.mask.push(!usable.is_empty());
             }
