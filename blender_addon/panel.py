@@ -6,7 +6,10 @@ import textwrap
 
 import bpy
 
-from . import check, denoise, messages, node, refresh, shot, status
+from . import messages, refresh, shot, status
+from .checks import check
+from .denoising import denoise
+from .nodes import node
 
 # A letter's width in the interface's own units, a little generous.
 _LETTER = 6.5
@@ -227,16 +230,4 @@ def _paragraph(column: bpy.types.UILayout, text: str, width: float, *, icon: str
         column.label(text=line, icon=icon if number == 0 else "BLANK1" if icon != "NONE" else "NONE")
 
 
-_CLASSES = (RENDER_PT_hush, RENDER_PT_hush_settings, RENDER_PT_hush_folders, NODE_PT_hush)
-
-
-def register() -> None:
-    """Adds the panels."""
-    for cls in _CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister() -> None:
-    """Takes the panels away."""
-    for cls in reversed(_CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory((RENDER_PT_hush, RENDER_PT_hush_settings, RENDER_PT_hush_folders, NODE_PT_hush))

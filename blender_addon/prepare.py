@@ -8,9 +8,9 @@ from contextlib import contextmanager
 from typing import Any
 
 import bpy
-from bpy.props import StringProperty
 
 from . import compat, messages
+from .scene_operator import SceneOperator
 
 VECTOR_LAYER = "Hush Vectors"
 LOSSLESS = {"NONE", "RLE", "ZIPS", "ZIP", "PIZ"}
@@ -295,28 +295,16 @@ def _now(record: Record, entry: list[Any]) -> object:
     return getattr(record.owner(tuple(entry[0])), entry[1], None)
 
 
-def scene_of(operator: bpy.types.Operator, context: bpy.types.Context) -> bpy.types.Scene | None:
-    """The scene that an operator is for: the one it names, else the open one. Reports a name that is none."""
-    if not operator.scene:
-        return context.scene
-    scene = bpy.data.scenes.get(operator.scene)
-    if scene is None:
-        operator.report({"ERROR"}, messages.text("no_scene", name=operator.scene))
-    return scene
-
-
-class HUSH_OT_prepare_shot(bpy.types.Operator):
+class HUSH_OT_prepare_shot(SceneOperator, bpy.types.Operator):
     """Turn on what Hush needs to denoise well: passes, animated seed, multilayer EXR; and Cycles' own denoising off"""
 
     bl_idname = "hush.prepare_shot"
     bl_label = "Prepare Shot"
     bl_options = {"REGISTER", "UNDO"}
 
-    scene: StringProperty(name="Scene", description="Scene to prepare. Empty: the open one", options={"SKIP_SAVE"})
-
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Prepares the scene."""
-        scene = scene_of(self, context)
+        scene = self.scene_of(context)
         if scene is None:
             return {"CANCELLED"}
         try:
@@ -328,18 +316,16 @@ class HUSH_OT_prepare_shot(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class HUSH_OT_undo_prepare(bpy.types.Operator):
+class HUSH_OT_undo_prepare(SceneOperator, bpy.types.Operator):
     """Put every setting that Prepare Shot changed back to what it was"""
 
     bl_idname = "hush.undo_prepare"
     bl_label = "Undo Prepare"
     bl_options = {"REGISTER", "UNDO"}
 
-    scene: StringProperty(name="Scene", description="Scene to put back. Empty: the open one", options={"SKIP_SAVE"})
-
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Puts the scene back."""
-        scene = scene_of(self, context)
+        scene = self.scene_of(context)
         if scene is None:
             return {"CANCELLED"}
         if not scene.hush.prepared:
@@ -352,16 +338,4 @@ class HUSH_OT_undo_prepare(bpy.types.Operator):
         return {"FINISHED"}
 
 
-_CLASSES = (HUSH_OT_prepare_shot, HUSH_OT_undo_prepare)
-
-
-def register() -> None:
-    """Adds the operators."""
-    for each in _CLASSES:
-        bpy.utils.register_class(each)
-
-
-def unregister() -> None:
-    """Takes the operators away."""
-    for each in reversed(_CLASSES):
-        bpy.utils.unregister_class(each)
+register, unregister = bpy.utils.register_classes_factory((HUSH_OT_prepare_shot, HUSH_OT_undo_prepare))

@@ -12,8 +12,8 @@ from typing import Any
 import bpy
 
 from . import compat, messages, prepare
+from .settings import SETTINGS
 
-LAMBDA_MIN, LAMBDA_MAX = 1.0, 64.0
 _HASHES = re.compile(r"#+(?=[^#]*$)")
 _NUMBERED = re.compile(r"^(.*?)(-?\d+)(\D*)\.exr$", re.IGNORECASE)
 _sequences: dict[Path, tuple[int, list[str]]] = {}
@@ -211,7 +211,7 @@ def lambda_source(scene: bpy.types.Scene) -> str:
 
 
 def lambda_at(scene: bpy.types.Scene, frame: int) -> float:
-    """λ at a frame, 1…64, without going there. Under a driver or NLA strips: its value now."""
+    """λ at a frame, within its range, without going there. Under a driver or NLA strips: its value now."""
     curve = _lambda_curve(scene) if lambda_source(scene) == "keys" else None
     return _evaluate(scene, curve, frame)
 
@@ -232,7 +232,7 @@ def _evaluate(scene: bpy.types.Scene, curve: bpy.types.FCurve | None, frame: int
     else:
         # The render settings can stretch time; curves are read at the stretched frame.
         value = curve.evaluate(frame * scene.render.frame_map_new / scene.render.frame_map_old)
-    return min(max(value, LAMBDA_MIN), LAMBDA_MAX)
+    return min(max(value, SETTINGS["lambda"].least), SETTINGS["lambda"].most)
 
 
 def _lambda_curve(scene: bpy.types.Scene) -> bpy.types.FCurve | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import shutil
 import time
 from pathlib import Path
@@ -12,9 +11,7 @@ import fingerprint
 import kit
 import numpy as np
 
-compat, composite, composite_plan, job = (
-    importlib.import_module(f"{kit.MODULE}.{name}") for name in ("compat", "composite", "composite_plan", "job")
-)
+compat, composite, contents, job = (kit.module(name) for name in ("compat", "compositing.composite", "compositing.contents", "jobs.job"))
 
 
 # Composited frames are half float.

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import fcntl
+import importlib
 import os
 import shutil
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 
 import addon_utils
 import bpy
@@ -35,6 +37,11 @@ def disable() -> None:
 
 def _fail(error: Exception) -> None:
     raise error
+
+
+def module(name: str) -> ModuleType:
+    """A module of the installed extension, such as checks.check."""
+    return importlib.import_module(f"{MODULE}.{name}")
 
 
 def archive() -> Path:

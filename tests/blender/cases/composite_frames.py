@@ -11,7 +11,7 @@ from composites import (
     combined,
     compat,
     composite,
-    composite_plan,
+    contents,
     denoised_scene,
     ended,
     plain,
@@ -67,14 +67,14 @@ def test_frames_that_are_not_current_are_refused() -> None:
 def test_a_frame_that_changes_before_its_turn_is_refused() -> None:
     scene, folder = denoised_scene("changing")
     tree_of(scene, node=True)
-    plan = composite_plan.make(scene, allow_stale=False)
-    assert len(plan.work["frames"]) == 3
-    real, composite_plan.make = composite_plan.make, lambda *_, **__: plan
+    made = contents.make(scene, allow_stale=False)
+    assert len(made.work["frames"]) == 3
+    real, contents.make = contents.make, lambda *_, **__: made
     try:
         (folder / "denoised" / "frame_0003.exr").unlink()
         refused("Frame 3 is not denoised", "2 of 3")
     finally:
-        composite_plan.make = real
+        contents.make = real
 
 
 def test_stale_frames_where_they_are_allowed() -> None:

@@ -63,7 +63,7 @@ def test_the_process_ends_with_blender() -> None:
         f"""
 import importlib, os, sys, bpy
 bpy.ops.wm.open_mainfile(filepath=sys.argv[1])
-running = importlib.import_module("{kit.MODULE}.composite").start(bpy.data.scenes["Scene"])
+running = importlib.import_module("{kit.MODULE}.compositing.composite").start(bpy.data.scenes["Scene"])
 print("worker", running._process.pid, running._blend, flush=True)
 os._exit(0)
 """,

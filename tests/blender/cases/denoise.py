@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 import os
 import shutil
@@ -15,8 +14,8 @@ import bpy
 import kit
 import numpy as np
 
-denoise = importlib.import_module(f"{kit.MODULE}.denoise")
-job = importlib.import_module(f"{kit.MODULE}.job")
+denoise = kit.module("denoising.denoise")
+job = kit.module("jobs.job")
 TIME_LIMIT = 900.0
 NAMES = [f"frame_{frame:04d}.exr" for frame in kit.FRAMES]
 
@@ -103,7 +102,7 @@ def test_keyframes_of_lambda_reach_the_files() -> None:
     for frame, value in ((1, 2.0), (5, 10.0)):
         scene.hush.lam = value
         scene.keyframe_insert("hush.lam", frame=frame)
-    compat = importlib.import_module(f"{kit.MODULE}.compat")
+    compat = kit.module("compat")
     for curve in compat.fcurves(scene):
         for point in curve.keyframe_points:
             point.interpolation = "LINEAR"
@@ -224,7 +223,7 @@ def test_the_worker_ends_with_blender() -> None:
         f"""
 import importlib, os, sys, bpy
 bpy.ops.wm.open_mainfile(filepath=sys.argv[1])
-denoise = importlib.import_module("{kit.MODULE}.denoise")
+denoise = importlib.import_module("{kit.MODULE}.denoising.denoise")
 running = denoise.start(bpy.data.scenes["Scene"])
 print("worker", running._process.pid, flush=True)
 os._exit(0)
@@ -285,7 +284,7 @@ def test_after_undo_prepare_the_files_still_give_the_vectors() -> None:
     assert entry["settings"]["vector_layer"] == "Hush Vectors" and helped(entry) == [1, 3]
     # A layer of that name without the record of Prepare Shot, as in a copy of the scene.
     scene.view_layers.new("Hush Vectors")
-    settings, _ = importlib.import_module(f"{kit.MODULE}.shot").settings(scene, frames / "frame_0001.exr")
+    settings, _ = kit.module("shot").settings(scene, frames / "frame_0001.exr")
     assert settings["layers"] == ["ViewLayer"] and settings["vector_layer"] == "Hush Vectors", settings
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import time
 from pathlib import Path
 from types import MethodType, SimpleNamespace
@@ -12,7 +11,7 @@ import fingerprint
 import kit
 
 TIME_LIMIT = 600.0
-compat, whole_shot, job = (importlib.import_module(f"{kit.MODULE}.{name}") for name in ("compat", "whole_shot", "job"))
+compat, whole_shot, job = (kit.module(name) for name in ("compat", "denoising.whole_shot", "jobs.job"))
 IMAGE = "ViewLayer.Combined"
 NAMES = [f"frame_{frame:04d}.exr" for frame in (1, 2, 3)]
 
@@ -125,7 +124,7 @@ def test_in_a_window() -> None:
     for name in names:
         setattr(fake, name, MethodType(getattr(whole_shot.HUSH_OT_whole_shot, name), fake))
     fake.report = lambda level, text: reports.append((*level, text))
-    background = importlib.import_module(f"{kit.MODULE}.background")
+    background = kit.module("jobs.background")
 
     def modal(event: SimpleNamespace) -> set[str]:
         if fake._job is None:

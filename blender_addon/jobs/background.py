@@ -6,12 +6,14 @@ import time
 
 import bpy
 
-from . import job, messages, refresh
+from .. import messages, refresh
+from ..scene_operator import SceneOperator
+from . import job
 
 TICK = 0.1
 
 
-class JobOperator:
+class JobOperator(SceneOperator):
     """Denoise Shot, Composite Denoised and Denoise This Frame. A kind starts its job in `_begin` and sums it up in `_outcome`."""
 
     _job: job.Job | None = None

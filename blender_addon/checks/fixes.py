@@ -5,10 +5,12 @@
 import bpy
 from bpy.props import StringProperty
 
-from . import messages, node, prepare, refresh
+from .. import messages, prepare, refresh
+from ..nodes import node
+from ..scene_operator import SceneOperator
 
 
-class HUSH_OT_fix(bpy.types.Operator):
+class HUSH_OT_fix(SceneOperator, bpy.types.Operator):
     """Change the setting that this problem comes from"""
 
     bl_idname = "hush.fix"
@@ -16,11 +18,10 @@ class HUSH_OT_fix(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO", "INTERNAL"}
 
     key: StringProperty(name="Problem", description="Key of the problem, such as passes", options={"SKIP_SAVE"})
-    scene: StringProperty(name="Scene", description="Scene to change. Empty: the open one", options={"SKIP_SAVE"})
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Fixes one problem."""
-        scene = prepare.scene_of(self, context)
+        scene = self.scene_of(context)
         if scene is None:
             return {"CANCELLED"}
         if self.key == "save" and not bpy.app.background:
@@ -46,11 +47,4 @@ def _mend_nodes(scene: bpy.types.Scene) -> list[str]:
     return [messages.text("node_replaced", count=count)] if count else []
 
 
-def register() -> None:
-    """Adds the operator."""
-    bpy.utils.register_class(HUSH_OT_fix)
-
-
-def unregister() -> None:
-    """Takes the operator away."""
-    bpy.utils.unregister_class(HUSH_OT_fix)
+register, unregister = bpy.utils.register_classes_factory((HUSH_OT_fix,))

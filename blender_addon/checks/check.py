@@ -6,13 +6,13 @@ import time
 from pathlib import Path
 
 import bpy
-from bpy.props import StringProperty
 
-from . import messages, prepare, shot, status
-from .check_files import file_problems
-from .check_files import why_not_writable as why_not_writable
-from .check_scene import scene_problems
+from .. import messages, prepare, shot, status
+from ..scene_operator import SceneOperator
+from .files import file_problems
+from .files import why_not_writable as why_not_writable
 from .problem import ERROR, INFO, WARNING, Problem
+from .scene import scene_problems
 
 _ICONS = {ERROR: "ERROR", WARNING: "QUESTION", INFO: "INFO"}
 # The disk is looked at again after this many times what it took, so that a slow network drive is not asked all the time.
@@ -64,18 +64,16 @@ def _asked(scene: bpy.types.Scene, patterns: list[Path], output: Path) -> object
     return patterns, output, shot.frame_range(scene), layers, shot.settings(scene, None), shot.render_size(scene)
 
 
-class HUSH_OT_check_shot(bpy.types.Operator):
+class HUSH_OT_check_shot(SceneOperator, bpy.types.Operator):
     """Look for what is missing to denoise this shot well"""
 
     bl_idname = "hush.check_shot"
     bl_label = "Check Shot"
     bl_options = {"REGISTER"}
 
-    scene: StringProperty(name="Scene", description="Scene to check. Empty: the open one", options={"SKIP_SAVE"})
-
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """Shows the problems with their fixes."""
-        scene = prepare.scene_of(self, context)
+        scene = self.scene_of(context)
         if scene is None:
             return {"CANCELLED"}
         problems(scene, fresh=True)
@@ -97,7 +95,7 @@ class HUSH_OT_check_shot(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Reports the problems; cancelled, with an error, where the shot cannot be denoised so."""
-        scene = prepare.scene_of(self, context)
+        scene = self.scene_of(context)
         if scene is None:
             return {"CANCELLED"}
         found = problems(scene, fresh=True)

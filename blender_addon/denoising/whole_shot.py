@@ -10,9 +10,14 @@ from contextlib import contextmanager
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, StringProperty
+from bpy.props import BoolProperty
 
-from . import background, check, composite, composite_nodes, denoise, exr, job, messages, prepare, refresh, shot
+from .. import exr, messages, prepare, refresh, shot
+from ..checks import check
+from ..compositing import composite
+from ..jobs import background, job
+from ..nodes import kinds
+from . import denoise
 
 # What is wrong with frames that are there does not matter before they are rendered.
 _OF_FRAMES = {"first_frame", "frames", "older"}
@@ -72,7 +77,7 @@ def begin(scene: bpy.types.Scene, *, render_again: bool) -> tuple[list[int], lis
 
 def has_node(scene: bpy.types.Scene) -> bool:
     """Whether there is something to composite."""
-    return any(composite_nodes.of_hush(each) is not None for _, each in composite_nodes.reached(scene))
+    return any(kinds.of_hush(each) is not None for _, each in kinds.reached(scene))
 
 
 @contextmanager
@@ -136,7 +141,6 @@ class HUSH_OT_whole_shot(background.JobOperator, bpy.types.Operator):
         default=False,
         options={"SKIP_SAVE"},
     )
-    scene: StringProperty(name="Scene", description="Scene to render. Empty: the open one", options={"SKIP_SAVE"})
 
     _todo: list[int]
     _runs: list[tuple[int, int]]
@@ -200,7 +204,7 @@ class HUSH_OT_whole_shot(background.JobOperator, bpy.types.Operator):
             self._job.close()
 
     def _prepare(self, context: bpy.types.Context) -> bpy.types.Scene | None:
-        scene = prepare.scene_of(self, context)
+        scene = self.scene_of(context)
         if scene is None:
             return None
         try:
@@ -282,11 +286,4 @@ class HUSH_OT_whole_shot(background.JobOperator, bpy.types.Operator):
         return {"FINISHED"}
 
 
-def register() -> None:
-    """Adds the operator."""
-    bpy.utils.register_class(HUSH_OT_whole_shot)
-
-
-def unregister() -> None:
-    """Takes the operator away."""
-    bpy.utils.unregister_class(HUSH_OT_whole_shot)
+register, unregister = bpy.utils.register_classes_factory((HUSH_OT_whole_shot,))

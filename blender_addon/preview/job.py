@@ -7,11 +7,11 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from . import job, messages
+from .. import messages
+from ..jobs import job
 
 # What the names of the temporary folders begin with.
 FOLDER = "hush-preview-"
-_WORKER = Path(__file__).with_name("preview_worker.py")
 
 
 class PreviewJob(job.Job):
@@ -24,11 +24,11 @@ class PreviewJob(job.Job):
     doing, does = "previewed", "denoises"
 
     def __init__(self, scene_name: str, file: Path, border: list[float] | None, arguments: dict[str, Any]) -> None:
-        command, path = [job.python(), "-I", str(_WORKER)], job.import_path()
+        command, path = job.command(), job.import_path()
         self.result: dict[str, Any] | None = None
         self.folder = Path(tempfile.mkdtemp(prefix=FOLDER))
-        work = {"path": path, "folder": str(self.folder), "file": str(file), "border": border, "arguments": arguments}
-        super().__init__(scene_name, command, work)
+        work = {"module": "preview.run", "path": path, "folder": str(self.folder), "file": str(file), "border": border}
+        super().__init__(scene_name, command, {**work, "arguments": arguments})
         self.text = messages.text("preview_running")
 
     @property

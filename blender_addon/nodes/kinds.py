@@ -8,7 +8,7 @@ from typing import Any
 
 import bpy
 
-from . import compat
+from .. import compat
 
 RENDER_LAYERS, CRYPTOMATTE = "CompositorNodeRLayers", "CompositorNodeCryptomatteV2"
 _FORM = "hush_form"

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import bpy
 
-from . import compat, composite_nodes, inside, messages, shot, status
+from .. import compat, messages, shot, status
+from . import inside, kinds
 
 LABEL, ICON = inside.NAME, "SHADERFX"
 _GROUP = "CompositorNodeGroup"
@@ -124,7 +125,7 @@ def forget() -> None:
 def faults(scene: bpy.types.Scene) -> Iterator[tuple[str, str]]:
     """What `repair` would mend, as keys of messages with the node's name."""
     for node in _all_nodes(scene):
-        if composite_nodes.is_first_form(node):
+        if kinds.is_first_form(node):
             yield "node_old", node.name
         elif _is_broken(node):
             yield "node_broken", node.name
@@ -134,7 +135,7 @@ def repair(scene: bpy.types.Scene) -> int:
     """Replaces nodes of earlier versions of Hush, their links kept, and makes anew what is inside of broken ones. Returns how many."""
     count = 0
     for node in list(_all_nodes(scene)):
-        if composite_nodes.is_first_form(node) and not _is_linked(node):
+        if kinds.is_first_form(node) and not _is_linked(node):
             _replace(node)
         elif _is_broken(node):
             inside.fill(node.node_tree)
@@ -238,7 +239,7 @@ def _stamp(file: Path | None) -> tuple[int, int] | None:
 def _replace(old: bpy.types.Node) -> None:
     parent = old.id_data
     made = new(parent)
-    made.node_tree.hush.scene, made.node_tree.hush.view_layer = composite_nodes.of_hush(old)
+    made.node_tree.hush.scene, made.node_tree.hush.view_layer = kinds.of_hush(old)
     made.location, made.width, made.parent = old.location, old.width, old.parent
     for link in [link for link in parent.links if old in (link.from_node, link.to_node)]:
         if link.to_node == old:

@@ -3,7 +3,7 @@
 """The frames of a composite, one after the other. Only for the process that composites: it opens another file.
 
 Events: `start` (`frames`), `working` (`frame`), `warning` (`message`), and `frame` with its `status`: `composited`, `refused` or `failed`;
-`state`, `key` and `reason` are those of `composite_frames.Verdict`.
+`state`, `key` and `reason` are those of `verdicts.Verdict`.
 """
 
 import os
@@ -16,14 +16,24 @@ from typing import Any
 import bpy
 import hush
 
-from . import composite_frames, composite_tree, exr, messages
+from .. import exr, messages
+from .tree import Files, FrameError, Stage
+from .verdicts import Verdict, judge, together
 
 Work = dict[str, Any]
-_Judged = list[list[composite_frames.Verdict]]
+_Judged = list[list[Verdict]]
 
 
-def run(work: Work, tell: Callable[[dict[str, Any]], None], stopped: threading.Event) -> None:
-    """Opens the copy and composites the frames of the job, until `stopped`."""
+def run(work: Work, tell: Callable[[dict[str, Any]], None], stopped: threading.Event) -> dict[str, Any]:
+    """Opens the copy and composites the frames of the work, see `contents.make`, until `stopped`."""
+    try:
+        _composite(work, tell, stopped)
+    finally:
+        shutil.rmtree(work["aside"], ignore_errors=True)
+    return {"stopped": stopped.is_set()}
+
+
+def _composite(work: Work, tell: Callable[[dict[str, Any]], None], stopped: threading.Event) -> None:
     bpy.ops.wm.open_mainfile(filepath=work["blend"], load_ui=False, use_scripts=work["scripts"])
     # Both processes see to it that the copy goes: this one also where the other is gone.
     shutil.rmtree(os.path.dirname(work["blend"]), ignore_errors=True)
@@ -32,7 +42,7 @@ def run(work: Work, tell: Callable[[dict[str, Any]], None], stopped: threading.E
         warn(messages.text("composite_scripts"))
     scene = bpy.data.scenes[work["scene"]]
     Path(work["aside"]).mkdir(parents=True, exist_ok=True)
-    stage = composite_tree.Stage(scene, work, warn)
+    stage = Stage(scene, work, warn)
     checks = [[hush.SequenceCheck() for _ in source["views"]] for source in work["sources"]]
     total = len(work["frames"])
     tell({"event": "start", "frames": total})
@@ -44,10 +54,10 @@ def run(work: Work, tell: Callable[[dict[str, Any]], None], stopped: threading.E
         tell({"event": "frame", "frame": number, "finished": finished, "frames": total, **_frame(work, frame, scene, stage, checks)})
 
 
-def _frame(work: Work, frame: Work, scene: bpy.types.Scene, stage: composite_tree.Stage, checks: list[list[Any]]) -> dict[str, Any]:
+def _frame(work: Work, frame: Work, scene: bpy.types.Scene, stage: Stage, checks: list[list[Any]]) -> dict[str, Any]:
     """Composites a frame, its stereo views one by one where they have files of their own."""
     judged = _judge(work, frame, checks)
-    verdict = composite_frames.together([each for views in judged for each in views])
+    verdict = together([each for views in judged for each in views])
     told = {"state": verdict.state, "key": verdict.key, "reason": verdict.reason}
     if not verdict.state:
         return {**told, "status": "refused"}
@@ -58,7 +68,7 @@ def _frame(work: Work, frame: Work, scene: bpy.types.Scene, stage: composite_tre
             made.append((_render(scene, frame["frame"]), Path(work["folder"], frame["names"][index])))
         for aside, target in made:
             os.replace(aside, target)
-    except (composite_tree.FrameError, OSError, RuntimeError) as error:
+    except (FrameError, OSError, RuntimeError) as error:
         return {"status": "failed", "key": "composite_failed", "reason": messages.of_error(error).removeprefix("Error: ")}
     return {**told, "status": "composited"}
 
@@ -74,14 +84,14 @@ def _judge(work: Work, frame: Work, checks: list[list[Any]]) -> _Judged:
             if isinstance(settings["lam"], dict):
                 settings["lam"] = {int(key): value for key, value in settings["lam"].items()}
             told = asker.check(view["inputs"], view["output"], frames=[frame["frame"]], **settings)["frames"][0]
-            judged[-1].append(composite_frames.judge(told, Path(rendered), Path(denoised), **rules))
+            judged[-1].append(judge(told, Path(rendered), Path(denoised), **rules))
     return judged
 
 
-def _files(work: Work, verdict: composite_frames.Verdict) -> composite_tree.Files:
+def _files(work: Work, verdict: Verdict) -> Files:
     """Where a node of Hush shows the denoised image over the render, that is the noisy file, as long as it is there."""
     layers = verdict.rendered if work["nodes"] and verdict.rendered else verdict.denoised
-    return composite_tree.Files(layers, verdict.denoised)
+    return Files(layers, verdict.denoised)
 
 
 def _render(scene: bpy.types.Scene, frame: int) -> Path:
@@ -92,5 +102,5 @@ def _render(scene: bpy.types.Scene, frame: int) -> Path:
     # An animation: single frames of scenes that are not open are composited with the images of their last frame.
     bpy.ops.render.render(animation=True, scene=scene.name)
     if not aside.is_file() or not aside.stat().st_size or (aside.suffix == ".exr" and exr.size_if_whole(aside) is None):
-        raise composite_tree.FrameError("Blender did not write the file")
+        raise FrameError("Blender did not write the file")
     return aside

@@ -8,9 +8,12 @@ from typing import Any
 
 import bpy
 from bpy.app.handlers import persistent
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
-from . import background, job, messages, prepare, preview_image, preview_job, shot
+from .. import messages, shot
+from ..jobs import background, job
+from . import display
+from .job import PreviewJob
 
 # A slider that is dragged asks for many images; one is made when it rests this long.
 _REST = 0.05
@@ -22,7 +25,7 @@ VIEWS = (
 )
 # How it is shown lives here and not in the file.
 _view = {"view": 0, "wipe": 0.5}
-_running: preview_job.PreviewJob | None = None
+_running: PreviewJob | None = None
 _taken_out: list[bpy.types.SpaceImageEditor] = []
 
 
@@ -46,7 +49,7 @@ def _set_view(name: str, value: float) -> None:
 
 
 def _refresh() -> None:
-    preview_image.update(*view_of())
+    display.update(*view_of())
     _redraw()
 
 
@@ -107,9 +110,8 @@ class HUSH_OT_preview_frame(background.JobOperator, bpy.types.Operator):
         default=False,
         options={"SKIP_SAVE"},
     )
-    scene: StringProperty(name="Scene", description="Scene of the frame. Empty: the open one", options={"SKIP_SAVE"})
 
-    _job: preview_job.PreviewJob | None = None
+    _job: PreviewJob | None = None
     _editor: bpy.types.SpaceImageEditor | None = None
     _scene_name = ""
 
@@ -123,13 +125,13 @@ class HUSH_OT_preview_frame(background.JobOperator, bpy.types.Operator):
 
     def _begin(self, context: bpy.types.Context) -> bool:
         global _running
-        scene = prepare.scene_of(self, context)
+        scene = self.scene_of(context)
         if scene is None:
             return False
         layer = context.view_layer.name if context.view_layer and scene == context.scene else ""
-        self._scene_name, self._editor = scene.name, preview_image.editor(context)
+        self._scene_name, self._editor = scene.name, display.editor(context)
         try:
-            self._job = _running = preview_job.PreviewJob(scene.name, *arguments(scene, layer, flicker=self.flicker))
+            self._job = _running = PreviewJob(scene.name, *arguments(scene, layer, flicker=self.flicker))
         except (PreviewError, job.JobError) as error:
             self.report({"ERROR"}, str(error))
             return False
@@ -185,12 +187,12 @@ class HUSH_OT_preview_frame(background.JobOperator, bpy.types.Operator):
             _view["view"] = len(VIEWS) - 1
         elif VIEWS[_view["view"]][0] == "FLICKER":
             _view["view"] = 0
-        editor = self._editor if self._editor in preview_image.editors() else None
-        preview_image.show(preview_image.Shown(self._scene_name, done.folder, done.result), *view_of(), editor)
+        editor = self._editor if self._editor in display.editors() else None
+        display.show(display.Shown(self._scene_name, done.folder, done.result), *view_of(), editor)
         for text in notes(done.result):
             self.report({"WARNING"}, text)
         text = in_words(done.result)
-        self.report({"INFO"}, text if editor is not None else messages.text("preview_choose", done=text, image=preview_image.NAME))
+        self.report({"INFO"}, text if editor is not None else messages.text("preview_choose", done=text, image=display.NAME))
         _redraw()
         return {"FINISHED"}
 
@@ -204,7 +206,7 @@ class HUSH_OT_end_preview(bpy.types.Operator):
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
         """Leaves the file as it was."""
-        if not preview_image.end():
+        if not display.end():
             return {"CANCELLED"}
         _redraw()
         return {"FINISHED"}
@@ -230,8 +232,8 @@ class IMAGE_PT_hush(bpy.types.Panel):
             layout.label(text=messages.text("preview_region"), icon="BORDERMOVE")
         if _running is not None:
             layout.progress(factor=_running.fraction, text=messages.text("preview_running"), type="BAR")
-        shown = preview_image.current()
-        if shown is None or preview_image.image() is None:
+        shown = display.current()
+        if shown is None or display.image() is None:
             return
         window_manager, told = context.window_manager, shown.told
         column = layout.column(align=True)
@@ -245,7 +247,7 @@ class IMAGE_PT_hush(bpy.types.Panel):
             column.label(text=messages.text("preview_change", change=told["change"]))
         if view_of()[0] == "FLICKER":
             known = told["change"] is not None
-            scale = messages.text("preview_scale", most=preview_image.MOST_CHANGE)
+            scale = messages.text("preview_scale", most=display.MOST_CHANGE)
             column.label(text=scale if known else messages.text("preview_no_flicker"))
         for text in notes(told):
             column.label(text=text, icon="QUESTION")
@@ -262,26 +264,26 @@ def _redraw() -> None:
 @persistent
 def save_pre(*_: object) -> None:
     """The image never gets into a saved file."""
-    _taken_out[:] = preview_image.take_out()
+    _taken_out[:] = display.take_out()
 
 
 @persistent
 def save_post(*_: object) -> None:
     """After saving the artist still sees it."""
-    preview_image.put_back(*view_of(), _taken_out)
+    display.put_back(*view_of(), _taken_out)
     _taken_out.clear()
 
 
 @persistent
 def load_pre(*_: object) -> None:
     """Another file knows nothing of it."""
-    preview_image.forget()
+    display.forget()
 
 
 @persistent
 def undone(*_: object) -> None:
     """Undo and redo may bring back an image that was taken away."""
-    preview_image.remove_strays()
+    display.remove_strays()
 
 
 _HANDLERS = {
@@ -329,7 +331,7 @@ def unregister() -> None:
     if _running is not None:
         _running.close()
         _running = None
-    preview_image.end()
+    display.end()
     for name, function in _HANDLERS.items():
         handlers = getattr(bpy.app.handlers, name, [])
         if function in handlers:

@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Work that another process does: what it has said so far, and how to stop it. Does not touch Blender's data.
 
-The process gets its work as one line of JSON on standard input; a second line, or the end of the input as when Blender ends, stops it.
-Each line of JSON on its standard output is an event; the last one is `finished` with `results`, or `refused` with a `message`.
+`worker.py` says how the two talk: work and stop on its standard input, events on its standard output.
 """
 
 import json
@@ -17,8 +16,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from . import messages
+from .. import messages
 
+WORKER = Path(__file__).with_name("worker.py")
 # How long a stopped worker may go on with the frame in hand when Blender ends.
 _PATIENCE = 10.0
 _current: "Job | None" = None
@@ -245,7 +245,17 @@ def left(seconds: float) -> str:
     return f"about {' '.join(parts)} left"
 
 
-def python() -> str:
+def command() -> list[str]:
+    """Starts the worker in the Python that runs Blender's scripts; neither the add-on's folder nor the user's environment may stand in
+    for Python's own modules.
+
+    Raises:
+        JobError: It is not where it should be.
+    """
+    return [_python(), "-I", str(WORKER)]
+
+
+def _python() -> str:
     """The Python that runs Blender's scripts.
 
     Raises:

@@ -10,10 +10,11 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, StringProperty
 
-from . import background, check, job, messages, prepare, refresh, shot
+from .. import messages, refresh, shot
+from ..checks import check
+from ..jobs import background, job
 
 _LAST_DIGITS = re.compile(r"\d+(?=\D*$)")
-_WORKER = Path(__file__).with_name("worker.py")
 
 
 class DenoiseError(Exception):
@@ -123,8 +124,7 @@ class DenoiseJob(job.Job):
         self._frames, self._finished, self._in_frame = 1, 0, 0.0
         # Of this run: frames to compute and computed; of all: computed, and when the first one was begun.
         self._todo, self._here, self._computed, self._first = 0, 0, 0, 0.0
-        # Isolated: neither the add-on's folder nor the user's environment may stand in for Python's own modules.
-        super().__init__(scene_name, [job.python(), "-I", str(_WORKER)], {"path": job.import_path(), "runs": todo})
+        super().__init__(scene_name, job.command(), {"module": "denoising.run", "path": job.import_path(), "runs": todo})
 
     def line(self, event: dict[str, Any]) -> str | None:
         """One for each frame."""
@@ -241,10 +241,9 @@ class HUSH_OT_denoise_shot(background.JobOperator, bpy.types.Operator):
         default=False,
         options={"SKIP_SAVE"},
     )
-    scene: StringProperty(name="Scene", description="Scene to denoise. Empty: the open one", options={"SKIP_SAVE"})
 
     def _begin(self, context: bpy.types.Context) -> bool:
-        scene = prepare.scene_of(self, context)
+        scene = self.scene_of(context)
         if scene is None:
             return False
         try:

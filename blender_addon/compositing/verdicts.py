@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from . import exr, messages
+from .. import exr, messages
 
 DENOISED, OLD, NOISY = "denoised", "old", "noisy"
 # Worst first: what a frame of several parts is as a whole.

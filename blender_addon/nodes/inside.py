@@ -16,7 +16,7 @@ from pathlib import Path
 
 import bpy
 
-from . import compat
+from .. import compat
 
 FORM_KEY, FORM = "hush_form", "4"
 SHOWN_KEY = "hush_shown"

@@ -6,7 +6,9 @@ from collections.abc import Iterator
 
 import bpy
 
-from . import compat, node, prepare, shot
+from .. import compat, prepare, shot
+from ..nodes import node
+from ..settings import SETTINGS
 from .problem import ERROR, INFO, Problem, problem
 
 
@@ -88,7 +90,7 @@ def _lambda_problems(scene: bpy.types.Scene) -> Iterator[Problem]:
     source = shot.lambda_source(scene)
     if source in ("driver", "nla"):
         yield problem("lambda", "lambda_driven", what="a driver" if source == "driver" else "NLA strips", value=scene.hush.lam)
-    low, high = shot.LAMBDA_MIN, shot.LAMBDA_MAX
+    low, high = SETTINGS["lambda"].least, SETTINGS["lambda"].most
     curves = [curve for curve in compat.fcurves(scene) if curve.data_path == "hush.lam" and not curve.mute]
     for curve in curves if source == "keys" else ():
         outside = [frame for frame in shot.frame_range(scene) if not low <= round(curve.evaluate(frame), 4) <= high]

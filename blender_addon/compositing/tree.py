@@ -10,7 +10,8 @@ from typing import Any
 
 import bpy
 
-from . import compat, composite_nodes, exr, messages
+from .. import compat, exr, messages
+from ..nodes import kinds
 
 _FILE_OUTPUT = "CompositorNodeOutputFile"
 _IMAGE_NAMES = ("Combined", "Image")
@@ -150,15 +151,15 @@ class Stage:
         seen.add(tree)
         # The nodes of Hush first: the links from Render Layers to them are not wanted any more.
         for each in list(tree.nodes):
-            found = composite_nodes.of_hush(each)
+            found = kinds.of_hush(each)
             if found is not None and not each.mute:
-                told = self._work["nodes"].get(composite_nodes.key(tree, each))
+                told = self._work["nodes"].get(kinds.key(tree, each))
                 if told is not None:
                     self._replace(tree, each, told["source"], told["layer"], denoised=True)
         for each in list(tree.nodes):
-            if each.bl_idname == composite_nodes.RENDER_LAYERS:
+            if each.bl_idname == kinds.RENDER_LAYERS:
                 self._replace_layers(tree, each)
-            elif each.bl_idname == composite_nodes.CRYPTOMATTE and each.source == "RENDER":
+            elif each.bl_idname == kinds.CRYPTOMATTE and each.source == "RENDER":
                 source = self._source_of(each.scene)
                 if source is not None:
                     layer = each.layer_name
@@ -166,16 +167,16 @@ class Stage:
                     self._mattes.append((each, source, layer))
             elif each.bl_idname == _FILE_OUTPUT:
                 self._guard_output(each)
-            elif composite_nodes.is_undefined(each) and not each.mute:
+            elif kinds.is_undefined(each) and not each.mute:
                 self._refuse_unknown(tree, each)
             elif getattr(each, "node_tree", None) is not None and each.bl_idname == "CompositorNodeGroup":
                 if each.node_tree.library is not None:
-                    each.node_tree = composite_nodes.local_copy(each.node_tree)
+                    each.node_tree = kinds.local_copy(each.node_tree)
                 if each.node_tree not in seen:
                     self._build(each.node_tree, seen)
 
     def _refuse_unknown(self, tree: bpy.types.NodeTree, each: bpy.types.Node) -> None:
-        if composite_nodes.key(tree, each) not in self._work["undefined"]:
+        if kinds.key(tree, each) not in self._work["undefined"]:
             raise FrameError(messages.text("composite_addon_node", node=each.name))
 
     def _source_of(self, scene: bpy.types.Scene | None) -> int | None:
@@ -204,7 +205,7 @@ class Stage:
 
     def _guard_output(self, each: bpy.types.Node) -> None:
         """A File Output node writes where it did, but never over the frames that the composite is made from."""
-        compat.set_folder(each, lambda path: composite_nodes.absolute(path, self._work["origin"]))
+        compat.set_folder(each, lambda path: kinds.absolute(path, self._work["origin"]))
         if any(path in self._work["kept"] or os.path.normpath(path) in self._work["kept"] for path in compat.written_by(each)):
             each.mute = True
             self._tell("composite_outputs", node=each.name)

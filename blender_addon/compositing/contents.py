@@ -11,7 +11,10 @@ from typing import Any
 
 import bpy
 
-from . import check, compat, composite_frames, composite_nodes, messages, shot
+from .. import compat, messages, shot
+from ..checks import check
+from ..nodes import kinds
+from .verdicts import in_words, judge, together
 
 _numbers = itertools.count(1)
 
@@ -21,7 +24,7 @@ class CompositeError(Exception):
 
 
 @dataclass
-class Plan:
+class Contents:
     """`work` is the job for the process; `refused` the frames that are not in it, with key and reason; `total` all that were asked."""
 
     work: dict[str, Any]
@@ -55,7 +58,7 @@ def folder(scene: bpy.types.Scene) -> Path:
     return shot.frame_pattern(scene).parent / "composited"
 
 
-def make(scene: bpy.types.Scene, *, allow_stale: bool) -> Plan:
+def make(scene: bpy.types.Scene, *, allow_stale: bool) -> Contents:
     """Looks at everything and changes nothing.
 
     Raises:
@@ -64,29 +67,29 @@ def make(scene: bpy.types.Scene, *, allow_stale: bool) -> Plan:
     """
     _refuse(scene)
     nodes, sources = _nodes(scene)
-    plan = Plan(_work(scene, nodes, sources, allow_stale=allow_stale), len(shot.frame_range(scene)))
+    made = Contents(_work(scene, nodes, sources, allow_stale=allow_stale), len(shot.frame_range(scene)))
     some_denoised = False
     told = [[_check(view, shot.frame_range(scene)) for view in source.views] for source in sources]
     for number, frame in enumerate(shot.frame_range(scene)):
         files = [source.files(frame) for source in sources]
         verdicts = []
-        for source, pairs, answers in zip(plan.work["sources"], files, told, strict=True):
+        for source, pairs, answers in zip(made.work["sources"], files, told, strict=True):
             for (rendered, denoised), answer in zip(pairs, answers, strict=True):
                 rules = {"size": source["size"], "others": source["others"], "allow_stale": allow_stale}
-                verdicts.append(composite_frames.judge(answer[number], rendered, denoised, **rules))
+                verdicts.append(judge(answer[number], rendered, denoised, **rules))
                 some_denoised |= answer[number]["state"] in ("current", "stale")
-        verdict = composite_frames.together(verdicts)
+        verdict = together(verdicts)
         if verdict.state:
             names = [shot.frame_file(pattern, frame).with_suffix(_suffix(scene)).name for pattern in shot.frame_patterns(scene)]
             pairs = [[(str(rendered), str(denoised)) for rendered, denoised in each] for each in files]
-            plan.work["frames"].append({"frame": frame, "files": pairs, "names": names})
+            made.work["frames"].append({"frame": frame, "files": pairs, "names": names})
         else:
-            plan.refused[frame] = (verdict.key, verdict.reason)
+            made.refused[frame] = (verdict.key, verdict.reason)
     if not some_denoised:
         raise CompositeError(messages.text("composite_nothing"))
-    if not plan.work["frames"]:
-        raise CompositeError(". ".join(composite_frames.in_words(plan.refused)))
-    return plan
+    if not made.work["frames"]:
+        raise CompositeError(". ".join(in_words(made.refused)))
+    return made
 
 
 def _refuse(scene: bpy.types.Scene) -> None:
@@ -111,15 +114,15 @@ def _nodes(scene: bpy.types.Scene) -> tuple[dict[str, dict[str, Any]], list[_Sou
     """The nodes of Hush with the number of their source and their view layer, and the sources: the scenes whose frames are needed."""
     scenes: list[bpy.types.Scene] = []
     found = {}
-    for tree, each in composite_nodes.reached(scene):
-        shown = composite_nodes.of_hush(each)
+    for tree, each in kinds.reached(scene):
+        shown = kinds.of_hush(each)
         if shown is not None and not each.mute:
             source = shown[0] or scene
             layers = shot.layers(source)
             scenes += [source] if source not in scenes else []
             layer = shown[1] or (layers[0] if layers else "")
-            found[composite_nodes.key(tree, each)] = {"source": scenes.index(source), "layer": layer}
-        elif composite_nodes.shows_renders(each, scene) and scene not in scenes:
+            found[kinds.key(tree, each)] = {"source": scenes.index(source), "layer": layer}
+        elif kinds.shows_renders(each, scene) and scene not in scenes:
             scenes.append(scene)
     return found, [_source(each) for each in scenes or [scene]]
 
@@ -150,7 +153,7 @@ def _work(scene: bpy.types.Scene, nodes: dict[str, dict[str, Any]], sources: lis
     """The job, but for its frames and the copy of the file."""
     target = folder(scene)
     kept = {os.path.normpath(str(place / pattern.name).split("#")[0]) for s in sources for pattern in s.patterns for place in _folders(s)}
-    undefined = [composite_nodes.key(*each) for each in composite_nodes.reached(scene) if composite_nodes.is_undefined(each[1])]
+    undefined = [kinds.key(*each) for each in kinds.reached(scene) if kinds.is_undefined(each[1])]
     return {
         "scene": scene.name,
         "origin": str(Path(bpy.data.filepath).parent) if bpy.data.filepath else os.getcwd(),

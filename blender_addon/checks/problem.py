@@ -4,7 +4,7 @@
 
 from dataclasses import dataclass
 
-from . import messages
+from .. import messages
 
 ERROR, WARNING, INFO = "ERROR", "WARNING", "INFO"
 

@@ -14,7 +14,8 @@ from typing import Any
 import bpy
 import numpy as np
 
-from . import compat, preview_job
+from .. import compat
+from .job import FOLDER
 
 NAME = "Hush Preview"
 # The change that is shown white.
@@ -122,7 +123,7 @@ def remove_strays() -> None:
     """Removes images of earlier previews that undo, or a file saved by itself, has brought back."""
     for each in list(bpy.data.images):
         ours = each.session_uid == _shown.image_uid if _shown is not None else False
-        if not ours and Path(each.filepath).parent.name.startswith(preview_job.FOLDER):
+        if not ours and Path(each.filepath).parent.name.startswith(FOLDER):
             bpy.data.images.remove(each)
 
 

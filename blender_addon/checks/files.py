@@ -11,7 +11,7 @@ from pathlib import Path
 
 import bpy
 
-from . import messages, shot, status
+from .. import messages, shot, status
 from .problem import ERROR, INFO, Problem, problem
 
 

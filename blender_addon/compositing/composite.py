@@ -11,12 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, StringProperty
+from bpy.props import BoolProperty
 
-from . import background, composite_frames, composite_plan, exr, job, messages, prepare, refresh, shot
-from .composite_plan import CompositeError
-
-_WORKER = Path(__file__).with_name("composite_worker.py")
+from .. import exr, messages, refresh, shot
+from ..jobs import background, job
+from . import contents
+from .contents import CompositeError
+from .verdicts import in_words
 
 
 class CompositeJob(job.Job):
@@ -24,14 +25,14 @@ class CompositeJob(job.Job):
 
     doing, does = "composited", "composites"
 
-    def __init__(self, scene_name: str, plan: composite_plan.Plan, blend: Path, command: list[str]) -> None:
-        self.plan = plan
+    def __init__(self, scene_name: str, what: contents.Contents, blend: Path, command: list[str]) -> None:
+        self.contents = what
         self.done: dict[int, str] = {}
-        self.told: dict[int, tuple[str, str]] = dict(plan.refused)
+        self.told: dict[int, tuple[str, str]] = dict(what.refused)
         self._blend = blend
-        self._folder = Path(plan.work["folder"])
+        self._folder = Path(what.work["folder"])
         self._had_folder = self._folder.exists()
-        super().__init__(scene_name, command, {**plan.work, "blend": str(blend)})
+        super().__init__(scene_name, command, {**what.work, "blend": str(blend)})
 
     def line(self, event: dict[str, Any]) -> str | None:
         """One for each frame."""
@@ -39,7 +40,7 @@ class CompositeJob(job.Job):
             return None
         if event["status"] == "composited":
             return f"frame {event['frame']} composited ({event['finished']} of {event['frames']})"
-        return composite_frames.in_words({event["frame"]: (event["key"], event["reason"])})[0]
+        return in_words({event["frame"]: (event["key"], event["reason"])})[0]
 
     def _take(self, event: dict[str, Any]) -> None:
         super()._take(event)
@@ -57,8 +58,8 @@ class CompositeJob(job.Job):
             self.text = now if rest is None else f"{now}, {job.left(rest)}"
 
     def _clean_up(self) -> None:
-        composite_plan.remove_copy(self._blend)
-        shutil.rmtree(self.plan.work["aside"], ignore_errors=True)
+        contents.remove_copy(self._blend)
+        shutil.rmtree(self.contents.work["aside"], ignore_errors=True)
         if not self._had_folder and self._folder.is_dir() and not any(self._folder.iterdir()):
             self._folder.rmdir()
 
@@ -72,21 +73,21 @@ def start(scene: bpy.types.Scene, *, allow_stale: bool = False) -> CompositeJob:
     """
     job.refuse_second()
     exr.forget()
-    plan = composite_plan.make(scene, allow_stale=allow_stale)
+    what = contents.make(scene, allow_stale=allow_stale)
     scripts = scripts_may_run()
     command = _command(scene, scripts=scripts)
-    plan.work |= {"path": _import_path(), "scripts": scripts}
-    blend = composite_plan.save_copy(scene, scripts=scripts)
-    return job.start(lambda: CompositeJob(scene.name, plan, blend, command))
+    what.work |= {"module": "compositing.run", "path": _import_path(), "scripts": scripts}
+    blend = contents.save_copy(scene, scripts=scripts)
+    return job.start(lambda: CompositeJob(scene.name, what, blend, command))
 
 
 def outcome(done: CompositeJob) -> tuple[str, list[tuple[str, str]]]:
     """What an ended job comes to: FINISHED or CANCELLED, and reports (level, text) of which the last one sums up."""
     reports = [("WARNING", text) for text in dict.fromkeys(done.warnings)]
     made = {frame: told for frame, told in done.told.items() if frame in done.done}
-    reports += [("WARNING", text) for text in composite_frames.in_words(made)]
-    refused = composite_frames.in_words({frame: told for frame, told in done.told.items() if frame not in done.done})
-    count, total = len(done.done), done.plan.total
+    reports += [("WARNING", text) for text in in_words(made)]
+    refused = in_words({frame: told for frame, told in done.told.items() if frame not in done.done})
+    count, total = len(done.done), done.contents.total
     wrong = [*(messages.of_error(error) for error in done.errors), *refused]
     if done.cancelled and not done.errors:
         wrong.append(messages.text("composite_stopped", count=count))
@@ -94,7 +95,7 @@ def outcome(done: CompositeJob) -> tuple[str, list[tuple[str, str]]]:
     if wrong or count < total:
         wrong.append(messages.text("composite_some", count=count, total=total))
         return "CANCELLED", [*reports, ("ERROR", ". ".join(part.rstrip(".") for part in wrong))]
-    text = messages.text("composite_done", count=count, clock=job.clock(done.seconds), folder=done.plan.work["folder"])
+    text = messages.text("composite_done", count=count, clock=job.clock(done.seconds), folder=done.contents.work["folder"])
     return "FINISHED", [*reports, ("INFO", text)]
 
 
@@ -108,10 +109,10 @@ def _command(scene: bpy.types.Scene, *, scripts: bool) -> list[str]:
     """The same Blender without a window; where Blender is a module of Python, that Python."""
     binary = bpy.app.binary_path
     if not binary or not Path(binary).stem.lower().startswith("blender"):
-        return [job.python(), "-I", str(_WORKER)]
+        return job.command()
     threads = ["--threads", str(scene.render.threads)] if scene.render.threads_mode == "FIXED" else []
     run = "--enable-autoexec" if scripts else "--disable-autoexec"
-    return [binary, "--background", "-noaudio", run, *threads, "--python-exit-code", "1", "--python", str(_WORKER)]
+    return [binary, "--background", "-noaudio", run, *threads, "--python-exit-code", "1", "--python", str(job.WORKER)]
 
 
 def _import_path() -> list[str]:
@@ -134,10 +135,9 @@ class HUSH_OT_composite_shot(background.JobOperator, bpy.types.Operator):
         default=False,
         options={"SKIP_SAVE"},
     )
-    scene: StringProperty(name="Scene", description="Scene to composite. Empty: the open one", options={"SKIP_SAVE"})
 
     def _begin(self, context: bpy.types.Context) -> bool:
-        scene = prepare.scene_of(self, context)
+        scene = self.scene_of(context)
         if scene is None:
             return False
         try:
@@ -152,11 +152,4 @@ class HUSH_OT_composite_shot(background.JobOperator, bpy.types.Operator):
         return outcome(self._job)
 
 
-def register() -> None:
-    """Adds the operator."""
-    bpy.utils.register_class(HUSH_OT_composite_shot)
-
-
-def unregister() -> None:
-    """Takes the operator away."""
-    bpy.utils.unregister_class(HUSH_OT_composite_shot)
+register, unregister = bpy.utils.register_classes_factory((HUSH_OT_composite_shot,))
