@@ -9,6 +9,7 @@ import bpy
 from . import messages, refresh, shot, status
 from .checks import check
 from .denoising import denoise
+from .messages import Refusal
 from .nodes import node
 
 # A letter's width in the interface's own units, a little generous.
@@ -94,7 +95,7 @@ class RENDER_PT_hush_folders(_HushPanel, bpy.types.Panel):
         try:
             lines = [messages.text("frames_from", path=path) for path in shot.frame_patterns(scene)]
             lines.append(messages.text("frames_to", path=shot.output_folder(scene)))
-        except shot.ShotError as error:
+        except Refusal as error:
             lines = [str(error)]
         for line in lines:
             _paragraph(column, line, _width(context))
@@ -209,10 +210,10 @@ def _draw_node(layout: bpy.types.UILayout, tree: bpy.types.NodeTree, scene: bpy.
     column.prop(scene.hush, "window")
     column.prop(scene.hush, "input_folder", text="Frames")
     state = status.last_known(scene)
-    told = layout.column(align=True)
-    if not _draw_progress(told, scene) and state:
-        _paragraph(told, messages.sentence(state.text), width, icon="ERROR" if state.stale else "NONE")
-    _draw_reasons(told, [tree], width)
+    column = layout.column(align=True)
+    if not _draw_progress(column, scene) and state:
+        _paragraph(column, messages.sentence(state.text), width, icon="ERROR" if state.stale else "NONE")
+    _draw_reasons(column, [tree], width)
     buttons = layout.column(align=True)
     buttons.operator("hush.denoise_shot", icon=node.ICON).scene = scene.name
     buttons.operator("hush.composite_shot", icon="RENDER_ANIMATION")

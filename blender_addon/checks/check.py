@@ -8,6 +8,7 @@ from pathlib import Path
 import bpy
 
 from .. import messages, prepare, shot, status
+from ..messages import Refusal
 from ..scene_operator import SceneOperator
 from .files import file_problems
 from .files import why_not_writable as why_not_writable
@@ -42,9 +43,9 @@ def in_words(frames: list[int]) -> str:
 def _file_problems(scene: bpy.types.Scene, *, fresh: bool) -> list[Problem]:
     try:
         patterns, output = shot.frame_patterns(scene), shot.output_folder(scene)
-    except shot.ShotError as error:
+    except Refusal as error:
         return [Problem("path", str(error), level=ERROR)]
-    key = _asked(scene, patterns, output)
+    key = _request(scene, patterns, output)
     known = _seen.get(scene.session_uid)
     if not fresh and known and known[0] == key and time.monotonic() < known[1]:
         return known[2]
@@ -57,7 +58,7 @@ def _file_problems(scene: bpy.types.Scene, *, fresh: bool) -> list[Problem]:
     return found
 
 
-def _asked(scene: bpy.types.Scene, patterns: list[Path], output: Path) -> object:
+def _request(scene: bpy.types.Scene, patterns: list[Path], output: Path) -> object:
     """All that the answer depends on, but for the disk."""
     cycles = scene.render.engine == "CYCLES"
     layers = [(name, *prepare.missing_passes(scene.view_layers[name])) for name in shot.layers(scene) if cycles]

@@ -101,13 +101,13 @@ def _first_frame(scene: bpy.types.Scene, file: Path) -> Iterator[Problem]:
     import hush
 
     try:
-        told = hush.inspect(str(file))
+        about = hush.inspect(str(file))
     except (OSError, hush.HushError) as error:
         yield problem("first_frame", "first_frame", ERROR, file=file.name, reason=messages.of_error(error))
         return
-    layout = told.get("layout", told)
-    if told.get("problem"):
-        yield problem("first_frame", "first_frame", ERROR, file=file.name, reason=messages.of_error(told["problem"]))
+    layout = about.get("layout", about)
+    if about.get("problem"):
+        yield problem("first_frame", "first_frame", ERROR, file=file.name, reason=messages.of_error(about["problem"]))
     size = layout.get("columns"), layout.get("rows")
     wanted = shot.render_size(scene)
     if wanted and None not in size and size != wanted:

@@ -6,6 +6,7 @@ import bpy
 from bpy.props import StringProperty
 
 from .. import messages, prepare, refresh
+from ..messages import Refusal
 from ..nodes import node
 from ..scene_operator import SceneOperator
 
@@ -27,17 +28,17 @@ class HUSH_OT_fix(SceneOperator, bpy.types.Operator):
         if self.key == "save" and not bpy.app.background:
             return bpy.ops.wm.save_as_mainfile("INVOKE_DEFAULT") and {"FINISHED"}
         if self.key == "node":
-            told = _mend_nodes(scene)
+            changes = _mend_nodes(scene)
         elif self.key in prepare.STEPS:
             try:
-                told = prepare.apply(scene, (self.key,))
-            except prepare.PrepareError as error:
+                changes = prepare.apply(scene, (self.key,))
+            except Refusal as error:
                 self.report({"ERROR"}, str(error))
                 return {"CANCELLED"}
         else:
             self.report({"ERROR"}, messages.text("no_fix", key=self.key or "nothing"))
             return {"CANCELLED"}
-        self.report({"INFO"}, "; ".join(told) or messages.text("right_already"))
+        self.report({"INFO"}, "; ".join(changes) or messages.text("right_already"))
         return {"FINISHED"}
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import bpy
 
 from .. import compat, prepare, shot
+from ..messages import Refusal
 from ..nodes import node
 from ..settings import SETTINGS
 from .problem import ERROR, INFO, Problem, problem
@@ -119,5 +120,5 @@ def _rendered_files(scene: bpy.types.Scene) -> set[str]:
         return set()
     try:
         return {str(pattern) for pattern in shot.frame_patterns(scene)}
-    except shot.ShotError:
+    except Refusal:
         return set()

@@ -13,22 +13,21 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty
 
-from .. import exr, messages, refresh, shot
+from .. import exr, messages, refresh
 from ..jobs import background, job
 from . import contents
-from .contents import CompositeError
 from .verdicts import in_words
 
 
 class CompositeJob(job.Job):
-    """The process that composites. `done` are the frames with their states, `told` what is to be said of frames: key and reason."""
+    """The process that composites. `done` are the frames with their states, `remarks` what is to be said of frames: key and reason."""
 
     doing, does = "composited", "composites"
 
     def __init__(self, scene_name: str, what: contents.Contents, blend: Path, command: list[str]) -> None:
         self.contents = what
         self.done: dict[int, str] = {}
-        self.told: dict[int, tuple[str, str]] = dict(what.refused)
+        self.remarks: dict[int, tuple[str, str]] = dict(what.refused)
         self._blend = blend
         self._folder = Path(what.work["folder"])
         self._had_folder = self._folder.exists()
@@ -50,7 +49,7 @@ class CompositeJob(job.Job):
             if event["status"] == "composited":
                 self.done[event["frame"]] = event["state"]
             if event["key"]:
-                self.told[event["frame"]] = (event["key"], event["reason"])
+                self.remarks[event["frame"]] = (event["key"], event["reason"])
         if kind in ("start", "working", "frame") and not self.cancelled:
             one = "frame" in event
             now = messages.text("compositing", frame=event["frame"]) if one else messages.text("compositing_all", count=event["frames"])
@@ -68,8 +67,7 @@ def start(scene: bpy.types.Scene, *, allow_stale: bool = False) -> CompositeJob:
     """Starts to composite a scene.
 
     Raises:
-        CompositeError, ShotError: It cannot be composited.
-        JobError: There is a job already, or the process cannot be started.
+        Refusal: It cannot be composited, there is a job already, or the process cannot be started.
     """
     job.refuse_second()
     exr.forget()
@@ -84,9 +82,9 @@ def start(scene: bpy.types.Scene, *, allow_stale: bool = False) -> CompositeJob:
 def outcome(done: CompositeJob) -> tuple[str, list[tuple[str, str]]]:
     """What an ended job comes to: FINISHED or CANCELLED, and reports (level, text) of which the last one sums up."""
     reports = [("WARNING", text) for text in dict.fromkeys(done.warnings)]
-    made = {frame: told for frame, told in done.told.items() if frame in done.done}
+    made = {frame: remark for frame, remark in done.remarks.items() if frame in done.done}
     reports += [("WARNING", text) for text in in_words(made)]
-    refused = in_words({frame: told for frame, told in done.told.items() if frame not in done.done})
+    refused = in_words({frame: remark for frame, remark in done.remarks.items() if frame not in done.done})
     count, total = len(done.done), done.contents.total
     wrong = [*(messages.of_error(error) for error in done.errors), *refused]
     if done.cancelled and not done.errors:
@@ -136,16 +134,8 @@ class HUSH_OT_composite_shot(background.JobOperator, bpy.types.Operator):
         options={"SKIP_SAVE"},
     )
 
-    def _begin(self, context: bpy.types.Context) -> bool:
-        scene = self.scene_of(context)
-        if scene is None:
-            return False
-        try:
-            self._job = start(scene, allow_stale=self.allow_stale)
-        except (CompositeError, shot.ShotError, job.JobError) as error:
-            self.report({"ERROR"}, str(error))
-            return False
-        return True
+    def _start(self, _context: bpy.types.Context, scene: bpy.types.Scene) -> CompositeJob:
+        return start(scene, allow_stale=self.allow_stale)
 
     def _outcome(self) -> tuple[str, list[tuple[str, str]]]:
         refresh.request(now=True)

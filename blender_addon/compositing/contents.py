@@ -13,19 +13,16 @@ import bpy
 
 from .. import compat, messages, shot
 from ..checks import check
+from ..messages import Refusal
 from ..nodes import kinds
 from .verdicts import in_words, judge, together
 
 _numbers = itertools.count(1)
 
 
-class CompositeError(Exception):
-    """Why the shot cannot be composited."""
-
-
 @dataclass
 class Contents:
-    """`work` is the job for the process; `refused` the frames that are not in it, with key and reason; `total` all that were asked."""
+    """`work` is the job for the process; `refused` the frames that are not in it, with key and reason; `total` how many are wanted."""
 
     work: dict[str, Any]
     total: int
@@ -34,7 +31,7 @@ class Contents:
 
 @dataclass
 class _Source:
-    """A scene whose frames are shown: what is asked of `hush.check_sequence`, and the files of each frame, for each stereo view."""
+    """A scene whose frames are shown: what `hush.check_sequence` takes, and the files of each frame, for each stereo view."""
 
     scene: bpy.types.Scene
     patterns: list[Path]
@@ -62,18 +59,17 @@ def make(scene: bpy.types.Scene, *, allow_stale: bool) -> Contents:
     """Looks at everything and changes nothing.
 
     Raises:
-        CompositeError: No frame can be composited; where it is for the frames, all of them are named with their reasons.
-        ShotError: The scene's settings name no frames.
+        Refusal: No frame can be composited; where it is for the frames, all of them are named with their reasons.
     """
     _refuse(scene)
     nodes, sources = _nodes(scene)
     made = Contents(_work(scene, nodes, sources, allow_stale=allow_stale), len(shot.frame_range(scene)))
     some_denoised = False
-    told = [[_check(view, shot.frame_range(scene)) for view in source.views] for source in sources]
+    checked = [[_check(view, shot.frame_range(scene)) for view in source.views] for source in sources]
     for number, frame in enumerate(shot.frame_range(scene)):
         files = [source.files(frame) for source in sources]
         verdicts = []
-        for source, pairs, answers in zip(made.work["sources"], files, told, strict=True):
+        for source, pairs, answers in zip(made.work["sources"], files, checked, strict=True):
             for (rendered, denoised), answer in zip(pairs, answers, strict=True):
                 rules = {"size": source["size"], "others": source["others"], "allow_stale": allow_stale}
                 verdicts.append(judge(answer[number], rendered, denoised, **rules))
@@ -86,28 +82,28 @@ def make(scene: bpy.types.Scene, *, allow_stale: bool) -> Contents:
         else:
             made.refused[frame] = (verdict.key, verdict.reason)
     if not some_denoised:
-        raise CompositeError(messages.text("composite_nothing"))
+        raise Refusal(messages.text("composite_nothing"))
     if not made.work["frames"]:
-        raise CompositeError(". ".join(in_words(made.refused)))
+        raise Refusal(". ".join(in_words(made.refused)))
     return made
 
 
 def _refuse(scene: bpy.types.Scene) -> None:
     if scene.library is not None:
-        raise CompositeError(messages.text("composite_linked", file=scene.library.filepath))
+        raise Refusal(messages.text("composite_linked", file=scene.library.filepath))
     if compat.compositor_tree(scene) is None:
-        raise CompositeError(messages.text("composite_no_nodes"))
+        raise Refusal(messages.text("composite_no_nodes"))
     if not shot.frame_range(scene):
-        raise CompositeError(messages.text("range_empty"))
+        raise Refusal(messages.text("range_empty"))
     if scene.render.use_multiview and shot.views(scene) == [""] and not compat.READS_VIEWS_OF_ONE_FILE:
-        raise CompositeError(messages.text("stereo_one_file"))
+        raise Refusal(messages.text("stereo_one_file"))
     target = folder(scene)
     taken = {pattern.parent for pattern in shot.frame_patterns(scene)} | {shot.output_folder(scene)}
     if any(target.resolve() == other.resolve() for other in taken):
-        raise CompositeError(messages.text("composite_folder_same", folder=target))
+        raise Refusal(messages.text("composite_folder_same", folder=target))
     wrong = check.why_not_writable(target)
     if wrong:
-        raise CompositeError(wrong)
+        raise Refusal(wrong)
 
 
 def _nodes(scene: bpy.types.Scene) -> tuple[dict[str, dict[str, Any]], list[_Source]]:
@@ -140,19 +136,21 @@ def _check(view: dict[str, Any], frames: range) -> list[dict[str, Any]]:
     try:
         import hush
     except ImportError as error:
-        raise CompositeError(messages.text("library", reason=error)) from None
+        raise Refusal(messages.text("library", reason=error)) from None
     if not hasattr(hush, "check_sequence"):
-        raise CompositeError(messages.text("composite_library"))
+        raise Refusal(messages.text("composite_library"))
     try:
         return hush.check_sequence(view["inputs"], view["output"], frames=list(frames), **view["settings"])["frames"]
     except (OSError, ValueError, hush.HushError) as error:
-        raise CompositeError(messages.of_error(error)) from None
+        raise Refusal(messages.of_error(error)) from None
 
 
 def _work(scene: bpy.types.Scene, nodes: dict[str, dict[str, Any]], sources: list[_Source], *, allow_stale: bool) -> dict[str, Any]:
     """The job, but for its frames and the copy of the file."""
     target = folder(scene)
-    kept = {os.path.normpath(str(place / pattern.name).split("#")[0]) for s in sources for pattern in s.patterns for place in _folders(s)}
+    protected = {
+        os.path.normpath(str(place / pattern.name).split("#")[0]) for s in sources for pattern in s.patterns for place in _folders(s)
+    }
     undefined = [kinds.key(*each) for each in kinds.reached(scene) if kinds.is_undefined(each[1])]
     return {
         "scene": scene.name,
@@ -166,7 +164,7 @@ def _work(scene: bpy.types.Scene, nodes: dict[str, dict[str, Any]], sources: lis
         "nodes": nodes,
         "undefined": undefined,
         "sources": [source.work() for source in sources],
-        "kept": sorted(kept),
+        "protected": sorted(protected),
         "frames": [],
     }
 
@@ -186,19 +184,19 @@ def save_copy(scene: bpy.types.Scene, *, scripts: bool) -> Path:
     add-ons do on saving. The name stays, as output paths may have it in them.
 
     Raises:
-        CompositeError: It cannot be written.
+        Refusal: It cannot be written.
     """
     name = Path(bpy.data.filepath).name or "untitled.blend"
     texts = {text for text in bpy.data.texts if text.use_module} if scripts else set()
     try:
         place = Path(tempfile.mkdtemp(prefix="hush-composite-", dir=bpy.app.tempdir or None))
     except OSError as error:
-        raise CompositeError(messages.text("composite_copy", reason=error.strerror or error)) from None
+        raise Refusal(messages.text("composite_copy", reason=error.strerror or error)) from None
     try:
         bpy.data.libraries.write(str(place / name), {scene, *texts}, path_remap="ABSOLUTE")
     except (OSError, RuntimeError) as error:
         remove_copy(place / name)
-        raise CompositeError(messages.text("composite_copy", reason=messages.of_error(error))) from None
+        raise Refusal(messages.text("composite_copy", reason=messages.of_error(error))) from None
     return place / name
 
 

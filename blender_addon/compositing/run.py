@@ -58,9 +58,9 @@ def _frame(work: Work, frame: Work, scene: bpy.types.Scene, stage: Stage, checks
     """Composites a frame, its stereo views one by one where they have files of their own."""
     judged = _judge(work, frame, checks)
     verdict = together([each for views in judged for each in views])
-    told = {"state": verdict.state, "key": verdict.key, "reason": verdict.reason}
+    about = {"state": verdict.state, "key": verdict.key, "reason": verdict.reason}
     if not verdict.state:
-        return {**told, "status": "refused"}
+        return {**about, "status": "refused"}
     made = []
     try:
         for index, view in enumerate(work["views"]):
@@ -70,7 +70,7 @@ def _frame(work: Work, frame: Work, scene: bpy.types.Scene, stage: Stage, checks
             os.replace(aside, target)
     except (FrameError, OSError, RuntimeError) as error:
         return {"status": "failed", "key": "composite_failed", "reason": messages.of_error(error).removeprefix("Error: ")}
-    return {**told, "status": "composited"}
+    return {**about, "status": "composited"}
 
 
 def _judge(work: Work, frame: Work, checks: list[list[Any]]) -> _Judged:
@@ -83,8 +83,8 @@ def _judge(work: Work, frame: Work, checks: list[list[Any]]) -> _Judged:
             settings = dict(view["settings"])
             if isinstance(settings["lam"], dict):
                 settings["lam"] = {int(key): value for key, value in settings["lam"].items()}
-            told = asker.check(view["inputs"], view["output"], frames=[frame["frame"]], **settings)["frames"][0]
-            judged[-1].append(judge(told, Path(rendered), Path(denoised), **rules))
+            checked = asker.check(view["inputs"], view["output"], frames=[frame["frame"]], **settings)["frames"][0]
+            judged[-1].append(judge(checked, Path(rendered), Path(denoised), **rules))
     return judged
 
 

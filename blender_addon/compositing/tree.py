@@ -49,7 +49,7 @@ class Stage:
 
     def __init__(self, scene: bpy.types.Scene, work: dict[str, Any], warn: Callable[[str], None]) -> None:
         self._scene, self._work, self._warn = scene, work, warn
-        self._told: set[str] = set()
+        self._warned: set[str] = set()
         self._feeds: list[_Feed] = []
         self._mattes: list[tuple[bpy.types.Node, int, str]] = []
         self._images: list[bpy.types.Image] = []
@@ -92,7 +92,7 @@ class Stage:
         except TypeError:
             # A colour configuration without that name: no conversion at all is the same here.
             image.colorspace_settings.is_data = True
-        # Of files with layers Blender tells no size; that they have the right one was asked before, of their headers.
+        # Of files with layers Blender tells no size; that they have the right one was looked up before, in their headers.
         wanted, size = exr.size_if_whole(path), tuple(image.size)
         if wanted is None or (image.type != "MULTILAYER" and size != wanted):
             raise FrameError(f"{path.name} does not load: it is damaged, or being written")
@@ -126,8 +126,8 @@ class Stage:
 
     def _tell(self, key: str, **fields: object) -> None:
         text = messages.text(key, **fields)
-        if text not in self._told:
-            self._told.add(text)
+        if text not in self._warned:
+            self._warned.add(text)
             self._warn(text)
 
     def _set_output(self) -> None:
@@ -153,9 +153,9 @@ class Stage:
         for each in list(tree.nodes):
             found = kinds.of_hush(each)
             if found is not None and not each.mute:
-                told = self._work["nodes"].get(kinds.key(tree, each))
-                if told is not None:
-                    self._replace(tree, each, told["source"], told["layer"], denoised=True)
+                shown = self._work["nodes"].get(kinds.key(tree, each))
+                if shown is not None:
+                    self._replace(tree, each, shown["source"], shown["layer"], denoised=True)
         for each in list(tree.nodes):
             if each.bl_idname == kinds.RENDER_LAYERS:
                 self._replace_layers(tree, each)
@@ -206,7 +206,7 @@ class Stage:
     def _guard_output(self, each: bpy.types.Node) -> None:
         """A File Output node writes where it did, but never over the frames that the composite is made from."""
         compat.set_folder(each, lambda path: kinds.absolute(path, self._work["origin"]))
-        if any(path in self._work["kept"] or os.path.normpath(path) in self._work["kept"] for path in compat.written_by(each)):
+        if any(path in self._work["protected"] or os.path.normpath(path) in self._work["protected"] for path in compat.written_by(each)):
             each.mute = True
             self._tell("composite_outputs", node=each.name)
 
@@ -215,7 +215,7 @@ def _has_named_layers(path: Path) -> bool:
     import hush
 
     try:
-        told = hush.inspect(str(path))
+        about = hush.inspect(str(path))
     except (OSError, ValueError, hush.HushError):
         return True
-    return any(layer["name"] for layer in told.get("layout", told)["layers"])
+    return any(layer["name"] for layer in about.get("layout", about)["layers"])

@@ -29,7 +29,7 @@ class Verdict:
 
 
 def judge(
-    told: dict[str, Any],
+    checked: dict[str, Any],
     rendered: Path,
     denoised: Path,
     *,
@@ -39,10 +39,10 @@ def judge(
 ) -> Verdict:
     """Whether and how a frame can be composited.
 
-    `told` is what `hush.check_sequence` says of it; `size` what the scene renders, None where that is not known; `others` are the
+    `checked` is what `hush.check_sequence` says of it; `size` what the scene renders, None where that is not known; `others` are the
     names of the file's other scenes; with `allow_stale` old denoised frames will do, and noisy ones where there are none.
     """
-    state, why = told["state"], messages.stale(told.get("kind"), told.get("reason"))
+    state, why = checked["state"], messages.stale(checked.get("kind"), checked.get("reason"))
     if state == "unrendered":
         return Verdict("", "unrendered")
     sizes = {file: exr.size_if_whole(file) for file in (rendered, denoised)}
@@ -65,7 +65,7 @@ def judge(
         return Verdict(OLD, "composite_old", why, source, denoised)
     if source is None:
         return Verdict("", "composite_damaged", f"{rendered.name} is damaged or gone")
-    reason = why if state == "stale" else messages.of_error(told.get("reason") or "press Denoise Shot")
+    reason = why if state == "stale" else messages.of_error(checked.get("reason") or "press Denoise Shot")
     return Verdict(NOISY, "composite_noisy", reason, source, source)
 
 

@@ -13,12 +13,9 @@ from bpy.props import BoolProperty, StringProperty
 from .. import messages, refresh, shot
 from ..checks import check
 from ..jobs import background, job
+from ..messages import Refusal
 
 _LAST_DIGITS = re.compile(r"\d+(?=\D*$)")
-
-
-class DenoiseError(Exception):
-    """Why nothing can be denoised."""
 
 
 def progress(scene: bpy.types.Scene) -> tuple[float, str] | None:
@@ -33,19 +30,16 @@ def runs(scene: bpy.types.Scene, source: str = "", target: str = "", *, overwrit
     `source` and `target` are as in the operator.
 
     Raises:
-        DenoiseError: The scene's settings or the paths cannot be used.
+        Refusal: The scene's settings or the paths cannot be used.
     """
     if not source:
         serious = [problem for problem in check.problems(scene, fresh=True) if problem.level == check.ERROR]
         for key in ("linked", "engine", "save", "path", "layers", "folder", "library"):
             for problem in serious:
                 if problem.key == key and not (key == "folder" and target):
-                    raise DenoiseError(problem.text)
-    try:
-        sequences = _named(source) if source else [(pattern, list(shot.frame_range(scene))) for pattern in shot.frame_patterns(scene)]
-        output = _folder(target) if target else _folder_of(sequences[0][0]) / "denoised" if source else shot.output_folder(scene)
-    except shot.ShotError as error:
-        raise DenoiseError(str(error)) from None
+                    raise Refusal(problem.text)
+    sequences = _named(source) if source else [(pattern, list(shot.frame_range(scene))) for pattern in shot.frame_patterns(scene)]
+    output = _folder(target) if target else _folder_of(sequences[0][0]) / "denoised" if source else shot.output_folder(scene)
     for inputs, _ in sequences:
         _check_output(inputs, output, target)
     made = []
@@ -89,13 +83,13 @@ def _names_a_file(path: Path) -> bool:
 def _check_output(inputs: Path, output: Path, target: str) -> None:
     folder = _folder_of(inputs)
     if folder.resolve() == output.resolve():
-        raise DenoiseError(messages.text("folder_replaces", folder=folder, other=folder / "denoised"))
+        raise Refusal(messages.text("folder_replaces", folder=folder, other=folder / "denoised"))
     name = Path(target).name if target and _names_a_file(Path(bpy.path.abspath(target))) else ""
     if name and not inputs.is_dir() and _without_number(name) != _without_number(inputs.name):
-        raise DenoiseError(messages.text("names_kept", file=inputs.name, name=name))
+        raise Refusal(messages.text("names_kept", file=inputs.name, name=name))
     wrong = check.why_not_writable(output)
     if wrong:
-        raise DenoiseError(wrong)
+        raise Refusal(wrong)
 
 
 def _without_number(name: str) -> str:
@@ -106,8 +100,7 @@ def start(scene: bpy.types.Scene, source: str = "", target: str = "", *, overwri
     """Starts to denoise; the arguments are those of `runs`.
 
     Raises:
-        DenoiseError: The scene's settings or the paths cannot be used.
-        JobError: There is a job already, or the process cannot be started.
+        Refusal: The scene's settings or the paths cannot be used, there is a job already, or the process cannot be started.
     """
     job.refuse_second()
     todo = runs(scene, source, target, overwrite=overwrite)
@@ -242,16 +235,8 @@ class HUSH_OT_denoise_shot(background.JobOperator, bpy.types.Operator):
         options={"SKIP_SAVE"},
     )
 
-    def _begin(self, context: bpy.types.Context) -> bool:
-        scene = self.scene_of(context)
-        if scene is None:
-            return False
-        try:
-            self._job = start(scene, self.input_filepath, self.output_filepath, overwrite=self.overwrite)
-        except (DenoiseError, job.JobError) as error:
-            self.report({"ERROR"}, str(error))
-            return False
-        return True
+    def _start(self, _context: bpy.types.Context, scene: bpy.types.Scene) -> "DenoiseJob":
+        return start(scene, self.input_filepath, self.output_filepath, overwrite=self.overwrite)
 
     def _outcome(self) -> tuple[str, list[tuple[str, str]]]:
         scene = bpy.data.scenes.get(self._job.scene_name)

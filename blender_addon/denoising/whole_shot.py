@@ -16,16 +16,13 @@ from .. import exr, messages, prepare, refresh, shot
 from ..checks import check
 from ..compositing import composite
 from ..jobs import background, job
+from ..messages import Refusal
 from ..nodes import kinds
 from . import denoise
 
 # What is wrong with frames that are there does not matter before they are rendered.
 _OF_FRAMES = {"first_frame", "frames", "older"}
 _RUNS_OF_FRAMES = "frame_start" in bpy.ops.render.render.get_rna_type().properties
-
-
-class WholeShotError(Exception):
-    """Why it cannot go on."""
 
 
 def to_render(scene: bpy.types.Scene) -> list[int]:
@@ -55,24 +52,21 @@ def begin(scene: bpy.types.Scene, *, render_again: bool) -> tuple[list[int], lis
     """Prepares the scene and returns the frames to render, and in words what was changed and which frames are kept.
 
     Raises:
-        WholeShotError: The scene cannot be rendered or denoised so.
+        Refusal: The scene cannot be rendered or denoised so.
     """
-    try:
-        job.refuse_second()
-        changes = prepare.apply(scene)
-        check.forget()
-        wrong = [each for each in check.problems(scene, fresh=True) if each.level == check.ERROR and each.key not in _OF_FRAMES]
-        if wrong:
-            raise WholeShotError(". ".join(each.text for each in wrong))
-        todo = list(shot.frame_range(scene)) if render_again else to_render(scene)
-    except (prepare.PrepareError, shot.ShotError, job.JobError) as error:
-        raise WholeShotError(str(error)) from None
+    job.refuse_second()
+    changes = prepare.apply(scene)
+    check.forget()
+    wrong = [each for each in check.problems(scene, fresh=True) if each.level == check.ERROR and each.key not in _OF_FRAMES]
+    if wrong:
+        raise Refusal(". ".join(each.text for each in wrong))
+    todo = list(shot.frame_range(scene)) if render_again else to_render(scene)
     # Frames of a folder of their own are rendered elsewhere.
     if todo and scene.hush.input_folder:
-        raise WholeShotError(messages.text("unrendered", frames=todo))
-    told = [messages.text("prepared", changes="; ".join(changes))] if changes else []
-    kept = [frame for frame in shot.frame_range(scene) if frame not in todo]
-    return todo, [*told, messages.text("whole_kept", frames=kept)] if kept else told
+        raise Refusal(messages.text("unrendered", frames=todo))
+    notes = [messages.text("prepared", changes="; ".join(changes))] if changes else []
+    there = [frame for frame in shot.frame_range(scene) if frame not in todo]
+    return todo, [*notes, messages.text("whole_kept", frames=there)] if there else notes
 
 
 def has_node(scene: bpy.types.Scene) -> bool:
@@ -163,7 +157,7 @@ class HUSH_OT_whole_shot(background.JobOperator, bpy.types.Operator):
             bpy.ops.hush.denoise_shot(scene=name)
             if has_node(scene):
                 bpy.ops.hush.composite_shot(scene=name)
-        except (RuntimeError, WholeShotError) as error:
+        except (RuntimeError, Refusal) as error:
             self.report({"ERROR"}, str(error).removeprefix("Error: ").strip())
             return {"CANCELLED"}
         return self._sum_up(scene)
@@ -208,12 +202,12 @@ class HUSH_OT_whole_shot(background.JobOperator, bpy.types.Operator):
         if scene is None:
             return None
         try:
-            self._todo, told = begin(scene, render_again=self.render_again)
-        except WholeShotError as error:
+            self._todo, notes = begin(scene, render_again=self.render_again)
+        except Refusal as error:
             self.report({"ERROR"}, str(error))
             return None
         self._runs = runs(self._todo, max(1, scene.frame_step))
-        for text in told:
+        for text in notes:
             self.report({"INFO"}, text)
         return scene
 
@@ -239,9 +233,9 @@ class HUSH_OT_whole_shot(background.JobOperator, bpy.types.Operator):
         scene = bpy.data.scenes.get(self.scene)
         try:
             if scene is None:
-                raise WholeShotError(messages.text("whole_gone", name=self.scene))
+                raise Refusal(messages.text("whole_gone", name=self.scene))
             if stopped:
-                raise WholeShotError(messages.text("whole_stopped"))
+                raise Refusal(messages.text("whole_stopped"))
             if done is None and self._runs:
                 self._render_next(scene)
             elif done is None:
@@ -253,7 +247,7 @@ class HUSH_OT_whole_shot(background.JobOperator, bpy.types.Operator):
             else:
                 self._hide(context)
                 return self._sum_up(scene)
-        except (WholeShotError, denoise.DenoiseError, composite.CompositeError, shot.ShotError, job.JobError, RuntimeError) as error:
+        except (Refusal, RuntimeError) as error:
             self._hide(context)
             self.report({"WARNING" if stopped else "ERROR"}, str(error).removeprefix("Error: ").strip())
             return {"CANCELLED"}
@@ -275,10 +269,10 @@ class HUSH_OT_whole_shot(background.JobOperator, bpy.types.Operator):
         return self._next(context, done)
 
     def _look_at_renders(self, scene: bpy.types.Scene) -> None:
-        """Raises a WholeShotError where a frame is not there after rendering."""
+        """Raises a Refusal where a frame is not there after rendering."""
         missing = to_render(scene)
         if missing:
-            raise WholeShotError(messages.text("whole_failed", frames=missing))
+            raise Refusal(messages.text("whole_failed", frames=missing))
 
     def _sum_up(self, scene: bpy.types.Scene) -> set[str]:
         key = "whole_composited" if has_node(scene) else "whole_done"

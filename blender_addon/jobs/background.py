@@ -7,6 +7,7 @@ import time
 import bpy
 
 from .. import messages, refresh
+from ..messages import Refusal
 from ..scene_operator import SceneOperator
 from . import job
 
@@ -14,7 +15,7 @@ TICK = 0.1
 
 
 class JobOperator(SceneOperator):
-    """Denoise Shot, Composite Denoised and Denoise This Frame. A kind starts its job in `_begin` and sums it up in `_outcome`."""
+    """Denoise Shot, Composite Denoised and Denoise This Frame. A kind starts its job in `_start` and sums it up in `_outcome`."""
 
     _job: job.Job | None = None
     _timer: bpy.types.Timer | None = None
@@ -82,6 +83,18 @@ class JobOperator(SceneOperator):
         """Blender ends the operator, as when another file is opened."""
         self._hide(context)
         self._job.close()
+
+    def _begin(self, context: bpy.types.Context) -> bool:
+        """Starts the job; False where that is refused, which is reported."""
+        scene = self.scene_of(context)
+        if scene is None:
+            return False
+        try:
+            self._job = self._start(context, scene)
+        except Refusal as error:
+            self.report({"ERROR"}, str(error))
+            return False
+        return True
 
     def _ended(self, context: bpy.types.Context) -> set[str]:
         self._hide(context)

@@ -17,15 +17,12 @@ from pathlib import Path
 from typing import Any
 
 from .. import messages
+from ..messages import Refusal
 
 WORKER = Path(__file__).with_name("worker.py")
 # How long a stopped worker may go on with the frame in hand when Blender ends.
 _PATIENCE = 10.0
 _current: "Job | None" = None
-
-
-class JobError(Exception):
-    """Why a job cannot be started."""
 
 
 class Job:
@@ -123,7 +120,7 @@ class Job:
             )
         except OSError as error:
             self._clean_up()
-            raise JobError(messages.text("job_no_start", does=self.does, reason=error.strerror or error)) from error
+            raise Refusal(messages.text("job_no_start", does=self.does, reason=error.strerror or error)) from error
         self._process = process
         for target in (self._read_events, self._read_errors):
             threading.Thread(target=target, daemon=True).start()
@@ -176,7 +173,7 @@ class Job:
         self._bad[0, None] = messages.text("job_ended", does=self.does, reason=why)
 
     def _end_the_end(self) -> None:
-        """A Blender that has told its results may still hang on its way out."""
+        """A Blender that has sent its results may still hang on its way out."""
         if self._said_the_end:
             self._ends = self._ends or time.monotonic()
             if time.monotonic() - self._ends > _PATIENCE:
@@ -202,18 +199,18 @@ def refuse_second() -> None:
     """One job at a time.
 
     Raises:
-        JobError: There is one already.
+        Refusal: There is one already.
     """
     running = current()
     if running is not None:
-        raise JobError(messages.text("job_running", scene=running.scene_name, doing=running.doing))
+        raise Refusal(messages.text("job_running", scene=running.scene_name, doing=running.doing))
 
 
 def start(new: Callable[[], Job]) -> Job:
     """Starts the one job; `new` makes it.
 
     Raises:
-        JobError: There is one already, or the process cannot be started.
+        Refusal: There is one already, or the process cannot be started.
     """
     global _current
     refuse_second()
@@ -250,7 +247,7 @@ def command() -> list[str]:
     for Python's own modules.
 
     Raises:
-        JobError: It is not where it should be.
+        Refusal: Python is not where it should be.
     """
     return [_python(), "-I", str(WORKER)]
 
@@ -259,7 +256,7 @@ def _python() -> str:
     """The Python that runs Blender's scripts.
 
     Raises:
-        JobError: It is not where it should be.
+        Refusal: Python is not where it should be.
     """
     if Path(sys.executable).stem.lower().startswith("python"):
         return sys.executable
@@ -267,18 +264,18 @@ def _python() -> str:
         for name in (f"python{sys.version_info.major}.{sys.version_info.minor}", "python3", "python", "python.exe"):
             if (folder / name).is_file():
                 return str(folder / name)
-    raise JobError(messages.text("job_no_python", folder=sys.prefix))
+    raise Refusal(messages.text("job_no_python", folder=sys.prefix))
 
 
 def import_path() -> list[str]:
     """Where a process finds the Hush library and numpy.
 
     Raises:
-        JobError: The library does not load.
+        Refusal: The library does not load.
     """
     try:
         import hush
         import numpy
     except ImportError as error:
-        raise JobError(messages.text("library", reason=error)) from error
+        raise Refusal(messages.text("library", reason=error)) from error
     return list(dict.fromkeys(str(Path(module.__file__).parents[1]) for module in (hush, numpy)))

@@ -9,9 +9,9 @@ from typing import Any
 import bpy
 
 from .. import compat
+from .inside import is_one
 
 RENDER_LAYERS, CRYPTOMATTE = "CompositorNodeRLayers", "CompositorNodeCryptomatteV2"
-_FORM = "hush_form"
 _FIRST_FORM, _FIRST_NAME = "HushTemporalDenoiseNode", "Temporal Denoise"
 
 
@@ -21,14 +21,14 @@ def of_hush(node: bpy.types.Node) -> tuple[bpy.types.Scene | None, str] | None:
     Where the extension is off its settings cannot be read.
     """
     tree = getattr(node, "node_tree", None)
-    if node.bl_idname == "CompositorNodeGroup" and tree is not None and tree.get(_FORM):
+    if node.bl_idname == "CompositorNodeGroup" and is_one(tree):
         settings = getattr(tree, "hush", None)
         return getattr(settings, "scene", None), getattr(settings, "view_layer", "") or ""
     if node.bl_idname == _FIRST_FORM:
         return getattr(node, "source_scene", None), getattr(node, "view_layer", "")
     if is_first_form(node):
-        scene = _kept(node).get("source_scene")
-        return scene if isinstance(scene, bpy.types.Scene) else None, str(_kept(node).get("view_layer") or "")
+        scene = _properties(node).get("source_scene")
+        return scene if isinstance(scene, bpy.types.Scene) else None, str(_properties(node).get("view_layer") or "")
     return None
 
 
@@ -50,11 +50,11 @@ def is_first_form(node: bpy.types.Node) -> bool:
     if not is_undefined(node):
         return False
     sockets = [socket.name for socket in node.inputs], [socket.name for socket in node.outputs]
-    known = node.name.split(".")[0] == _FIRST_NAME or {"source_scene", "view_layer"} & set(_kept(node).keys())
+    known = node.name.split(".")[0] == _FIRST_NAME or {"source_scene", "view_layer"} & set(_properties(node).keys())
     return sockets == (["Image"], ["Image"]) and bool(known)
 
 
-def _kept(node: bpy.types.Node) -> Any:  # noqa: ANN401 (a mapping of Blender's)
+def _properties(node: bpy.types.Node) -> Any:  # noqa: ANN401 (a mapping of Blender's)
     """The properties that an unknown node keeps."""
     return (node.bl_system_properties_get() or {}) if hasattr(node, "bl_system_properties_get") else node
 

@@ -11,21 +11,22 @@ from pathlib import Path
 
 import bpy
 
-from .. import compat, messages, shot, status
+from .. import messages, shot, status
+from ..messages import Refusal
 from . import inside, kinds
 
 LABEL, ICON = inside.NAME, "SHADERFX"
 _GROUP = "CompositorNodeGroup"
 _why: dict[int, str] = {}
-# By tree that shows a frame: its scene's name and what that asked for.
-_asked: dict[int, tuple[str, object]] = {}
+# By tree that shows a frame: its scene's name and its settings then.
+_shown_with: dict[int, tuple[str, object]] = {}
 # By scene and frame: the stamp of its file when the frame was rendered last.
 _rendered: dict[tuple[int, int], tuple[int, int] | None] = {}
 
 
 def nodes(scene: bpy.types.Scene) -> Iterator[bpy.types.Node]:
     """Every Temporal Denoise node that the scene's compositor reaches, also inside groups."""
-    return (node for node in _all_nodes(scene) if node.bl_idname == _GROUP and inside.is_one(node.node_tree))
+    return (node for _, node in kinds.reached(scene) if node.bl_idname == _GROUP and inside.is_one(node.node_tree))
 
 
 def trees(scene: bpy.types.Scene) -> list[bpy.types.NodeTree]:
@@ -67,8 +68,8 @@ def sync(*scenes: bpy.types.Scene) -> None:
 def settings_changed() -> bool:
     """Whether a scene has other settings than when its frame was shown; without a look at the disk."""
     for tree in _local_trees():
-        name, asked = _asked.get(tree.session_uid, ("", None)) if is_on(tree) else ("", None)
-        if asked is not None and (name not in bpy.data.scenes or _settings(bpy.data.scenes[name]) != asked):
+        name, then = _shown_with.get(tree.session_uid, ("", None)) if is_on(tree) else ("", None)
+        if then is not None and (name not in bpy.data.scenes or _settings(bpy.data.scenes[name]) != then):
             return True
     return False
 
@@ -109,7 +110,7 @@ def frame_is_rendered(scene: bpy.types.Scene) -> None:
     for source in {scene, *(tree.hush.scene for tree in trees(scene) if tree.hush.scene)}:
         try:
             file = shot.frame_file(shot.frame_pattern(source), scene.frame_current)
-        except shot.ShotError:
+        except Refusal:
             continue
         _rendered[source.session_uid, scene.frame_current] = _stamp(file)
 
@@ -118,13 +119,13 @@ def forget() -> None:
     """Another file was opened."""
     inside.forget()
     _why.clear()
-    _asked.clear()
+    _shown_with.clear()
     _rendered.clear()
 
 
 def faults(scene: bpy.types.Scene) -> Iterator[tuple[str, str]]:
     """What `repair` would mend, as keys of messages with the node's name."""
-    for node in _all_nodes(scene):
+    for _, node in kinds.reached(scene):
         if kinds.is_first_form(node):
             yield "node_old", node.name
         elif _is_broken(node):
@@ -134,7 +135,7 @@ def faults(scene: bpy.types.Scene) -> Iterator[tuple[str, str]]:
 def repair(scene: bpy.types.Scene) -> int:
     """Replaces nodes of earlier versions of Hush, their links kept, and makes anew what is inside of broken ones. Returns how many."""
     count = 0
-    for node in list(_all_nodes(scene)):
+    for _, node in list(kinds.reached(scene)):
         if kinds.is_first_form(node) and not _is_linked(node):
             _replace(node)
         elif _is_broken(node):
@@ -143,20 +144,6 @@ def repair(scene: bpy.types.Scene) -> int:
             continue
         count += 1
     return count
-
-
-def _all_nodes(scene: bpy.types.Scene) -> Iterator[bpy.types.Node]:
-    waiting = [compat.compositor_tree(scene)]
-    seen = set()
-    while waiting:
-        tree = waiting.pop()
-        if tree is None or tree in seen:
-            continue
-        seen.add(tree)
-        for node in tree.nodes:
-            yield node
-            if not inside.is_one(getattr(node, "node_tree", None)):
-                waiting.append(getattr(node, "node_tree", None))
 
 
 def _local_trees() -> list[bpy.types.NodeTree]:
@@ -197,7 +184,7 @@ def _show(tree: bpy.types.NodeTree, scene: bpy.types.Scene) -> str | None:
     frame = scene.frame_current
     try:
         known = status.frame(source, frame)
-    except status.StatusError as error:
+    except Refusal as error:
         return str(error)
     if known.state != "current" or known.output is None:
         return known.why
@@ -210,7 +197,7 @@ def _show(tree: bpy.types.NodeTree, scene: bpy.types.Scene) -> str | None:
     layers = (tree.hush.view_layer,) if tree.hush.view_layer else tuple(shot.layers(source))
     if not inside.show(tree, frame, inside.Picture(known.output, stamp, layers, shot.is_relative(source))):
         return messages.text("node_layer", layer=" or ".join(layers))
-    _asked[tree.session_uid] = source.name, _settings(source)
+    _shown_with[tree.session_uid] = source.name, _settings(source)
     return None
 
 
@@ -224,7 +211,7 @@ def _files(scene: bpy.types.Scene) -> object:
     """What decides which denoised frames a scene has."""
     try:
         return shot.sequences(scene)
-    except shot.ShotError:
+    except Refusal:
         return None
 
 

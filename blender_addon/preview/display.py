@@ -26,11 +26,11 @@ _NOWHERE = (0.0, 0.02, 0.15)
 
 @dataclass
 class Shown:
-    """What is shown: the worker's folder, what it told, the image's identity, and what its editors showed before."""
+    """What is shown: the worker's folder, its result, the image's identity, and what its editors showed before."""
 
     scene_name: str
     folder: Path
-    told: dict[str, Any]
+    result: dict[str, Any]
     image_uid: int = 0
     before: list[tuple[bpy.types.SpaceImageEditor, str]] = field(default_factory=list)
 

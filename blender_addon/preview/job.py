@@ -18,7 +18,7 @@ class PreviewJob(job.Job):
     """One run of the worker. Once it has `ended` there is a `result`, with images in `folder`, or an `error`, or it was cancelled.
 
     Raises:
-        job.JobError: The process cannot be started.
+        Refusal: The process cannot be started.
     """
 
     doing, does = "previewed", "denoises"

@@ -11,7 +11,8 @@ from bpy.app.handlers import persistent
 from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
 from .. import messages, shot
-from ..jobs import background, job
+from ..jobs import background
+from ..messages import Refusal
 from . import display
 from .job import PreviewJob
 
@@ -27,10 +28,6 @@ VIEWS = (
 _view = {"view": 0, "wipe": 0.5}
 _running: PreviewJob | None = None
 _taken_out: list[bpy.types.SpaceImageEditor] = []
-
-
-class PreviewError(Exception):
-    """Why the frame cannot be shown."""
 
 
 def view_of() -> tuple[str, float]:
@@ -57,16 +54,13 @@ def arguments(scene: bpy.types.Scene, view_layer: str, *, flicker: bool = False)
     """The frame's file, the border, and the arguments of `hush.preview`.
 
     Raises:
-        PreviewError: The frame is not rendered, or the scene's paths cannot be used.
+        Refusal: The frame is not rendered, or the scene's paths cannot be used.
     """
     frame = scene.frame_current
-    try:
-        pattern = shot.frame_patterns(scene)[0]
-    except shot.ShotError as error:
-        raise PreviewError(str(error)) from None
+    pattern = shot.frame_patterns(scene)[0]
     file = shot.frame_file(pattern, frame)
     if not file.is_file():
-        raise PreviewError(messages.text("preview_unrendered", frame=frame, file=file))
+        raise Refusal(messages.text("preview_unrendered", frame=frame, file=file))
     render, layers = scene.render, shot.layers(scene)
     border = [render.border_min_x, render.border_min_y, render.border_max_x, render.border_max_y] if render.use_border else None
     return (
@@ -85,16 +79,16 @@ def arguments(scene: bpy.types.Scene, view_layer: str, *, flicker: bool = False)
     )
 
 
-def in_words(told: dict[str, Any]) -> str:
+def in_words(result: dict[str, Any]) -> str:
     """What was done, in a sentence."""
-    helped = told["neighbours"]
+    helped = result["neighbours"]
     key = "preview_helped" if helped else "preview_alone"
-    return messages.text(key, frame=told["frame"], frames=helped, seconds=told["seconds"], lam=told["lam"])
+    return messages.text(key, frame=result["frame"], frames=helped, seconds=result["seconds"], lam=result["lam"])
 
 
-def notes(told: dict[str, Any]) -> list[str]:
+def notes(result: dict[str, Any]) -> list[str]:
     """What is odd about the frames, in the words of the buttons."""
-    return list(dict.fromkeys(messages.sentence(messages.of_error(note)) for note in told["notes"]))
+    return list(dict.fromkeys(messages.sentence(messages.of_error(note)) for note in result["notes"]))
 
 
 class HUSH_OT_preview_frame(background.JobOperator, bpy.types.Operator):
@@ -123,19 +117,12 @@ class HUSH_OT_preview_frame(background.JobOperator, bpy.types.Operator):
             return False
         return True
 
-    def _begin(self, context: bpy.types.Context) -> bool:
+    def _start(self, context: bpy.types.Context, scene: bpy.types.Scene) -> PreviewJob:
         global _running
-        scene = self.scene_of(context)
-        if scene is None:
-            return False
         layer = context.view_layer.name if context.view_layer and scene == context.scene else ""
         self._scene_name, self._editor = scene.name, display.editor(context)
-        try:
-            self._job = _running = PreviewJob(scene.name, *arguments(scene, layer, flicker=self.flicker))
-        except (PreviewError, job.JobError) as error:
-            self.report({"ERROR"}, str(error))
-            return False
-        return True
+        _running = PreviewJob(scene.name, *arguments(scene, layer, flicker=self.flicker))
+        return _running
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Denoises and returns when it is done; for scripts."""
@@ -235,21 +222,21 @@ class IMAGE_PT_hush(bpy.types.Panel):
         shown = display.current()
         if shown is None or display.image() is None:
             return
-        window_manager, told = context.window_manager, shown.told
+        window_manager, result = context.window_manager, shown.result
         column = layout.column(align=True)
         column.prop(window_manager, "hush_preview_view", text="")
         if view_of()[0] in ("WIPE", "FLICKER"):
             column.prop(window_manager, "hush_preview_wipe", slider=True)
         column = layout.column(align=True)
-        about = {name: told[name] for name in ("frame", "lam", "window", "seconds")}
+        about = {name: result[name] for name in ("frame", "lam", "window", "seconds")}
         column.label(text=messages.text("preview_about", **about))
-        if told["change"] is not None:
-            column.label(text=messages.text("preview_change", change=told["change"]))
+        if result["change"] is not None:
+            column.label(text=messages.text("preview_change", change=result["change"]))
         if view_of()[0] == "FLICKER":
-            known = told["change"] is not None
+            known = result["change"] is not None
             scale = messages.text("preview_scale", most=display.MOST_CHANGE)
             column.label(text=scale if known else messages.text("preview_no_flicker"))
-        for text in notes(told):
+        for text in notes(result):
             column.label(text=text, icon="QUESTION")
         layout.operator("hush.end_preview", icon="X")
 

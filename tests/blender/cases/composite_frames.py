@@ -13,7 +13,6 @@ from composites import (
     composite,
     contents,
     denoised_scene,
-    ended,
     plain,
     refused,
     rendered_again,
@@ -86,7 +85,7 @@ def test_stale_frames_where_they_are_allowed() -> None:
         rendered_again(folder, "frame_0002.exr")
         (folder / "denoised" / "frame_0003.exr").unlink()
         running = composite.start(scene, allow_stale=True)
-        result, reports = composite.outcome(ended(running))
+        result, reports = composite.outcome(kit.ended(running))
         assert result == "FINISHED", reports
         told = " ".join(text for level, text in reports if level == "WARNING")
         assert "Frame 2 is out of date" in told and "old denoised image" in told and "Frame 3 is not denoised" in told, reports

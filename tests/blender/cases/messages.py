@@ -56,8 +56,7 @@ def test_every_message_is_used_and_there() -> None:
 def test_no_report_has_words_of_its_own() -> None:
     """Nothing is told to artists but from the table."""
     others = {"build.py", "worker.py"}
-    errors = "Shot|Prepare|Status|Denoise|Job|Composite|Preview"
-    own = re.compile(rf"""(report\(\{{[^}}]*\}}, |({errors})Error\(|label\(text=)f?"[A-Za-z{{]""")
+    own = re.compile(r"""(report\(\{[^}]*\}, |Refusal\(|label\(text=)f?"[A-Za-z{]""")
     for path in SOURCES:
         if path.name not in others:
             found = own.search(path.read_text(encoding="utf-8"))

@@ -70,15 +70,6 @@ def folders() -> set[Path]:
     return set(Path(tempfile.gettempdir()).glob("hush-preview-*"))
 
 
-def refused(words: str) -> None:
-    try:
-        bpy.ops.hush.preview_frame()
-    except RuntimeError as error:
-        assert words in str(error), error
-    else:
-        raise AssertionError(f"was not refused, should say {words!r}")
-
-
 def expected(frames: Path, frame: int = 3, **settings: object) -> dict:
     import hush
 
@@ -136,7 +127,7 @@ def test_the_scene_decides() -> None:
     scene, frames = shot_scene("settings", frame=2)
     scene.hush.lam, scene.hush.window = 16.0, "0"
     assert bpy.ops.hush.preview_frame() == {"FINISHED"}
-    told = display.current().told
+    told = display.current().result
     assert (told["frame"], told["lam"], told["window"], told["neighbours"]) == (2, 16.0, 0, [])
     kit.assert_close(pixels()[:, 48:, :3], expected(frames, 2, lam=16, window=0)["denoised"][:, 48:, :3], 1e-6)
     for frame, value in ((1, 2.0), (5, 10.0)):
@@ -144,7 +135,7 @@ def test_the_scene_decides() -> None:
         scene.keyframe_insert("hush.lam", frame=frame)
     scene.frame_set(5)
     assert bpy.ops.hush.preview_frame() == {"FINISHED"}
-    assert display.current().told["lam"] == 10.0
+    assert display.current().result["lam"] == 10.0
     assert [image.name for image in bpy.data.images if "Hush" in image.name] == [NAME], "the second takes the place of the first"
     bpy.ops.hush.end_preview()
 
@@ -199,7 +190,7 @@ def test_another_file_ends_it() -> None:
 def test_what_is_odd_is_said() -> None:
     shot_scene("bare", "bare")
     assert bpy.ops.hush.preview_frame() == {"FINISHED"}
-    told = display.current().told
+    told = display.current().result
     said = " ".join(preview.notes(told))
     assert "Vector" in said and "--" not in said, said
     assert told["neighbours"] == [] and "by itself" in preview.in_words(told)
@@ -208,7 +199,7 @@ def test_what_is_odd_is_said() -> None:
     scene, _ = shot_scene("blur", "blur")
     scene.hush.vector_layer = "Vectors"
     assert bpy.ops.hush.preview_frame() == {"FINISHED"}
-    assert display.current().told["neighbours"] == [1, 2, 4, 5]
+    assert display.current().result["neighbours"] == [1, 2, 4, 5]
     bpy.ops.hush.end_preview()
 
 
@@ -216,18 +207,18 @@ def test_what_cannot_be_is_refused() -> None:
     scene, frames = shot_scene("refused", frame=4)
     before, temporary = fingerprint(), folders()
     (frames / "frame_0004.exr").write_bytes((frames / "frame_0004.exr").read_bytes()[:2000])
-    refused("frame_0004.exr")
+    kit.refused(bpy.ops.hush.preview_frame, "frame_0004.exr")
     (frames / "frame_0004.exr").unlink()
-    refused("Frame 4 is not rendered")
+    kit.refused(bpy.ops.hush.preview_frame, "Frame 4 is not rendered")
     assert_same(fingerprint(), before)
     assert folders() == temporary, (folders(), temporary)
     assert preview._running is None
     scene.frame_set(3)
     assert bpy.ops.hush.preview_frame() == {"FINISHED"}
-    assert display.current().told["neighbours"] == [1, 2]
+    assert display.current().result["neighbours"] == [1, 2]
     # One that fails leaves the one that is shown.
     scene.frame_set(4)
-    refused("Frame 4 is not rendered")
+    kit.refused(bpy.ops.hush.preview_frame, "Frame 4 is not rendered")
     assert NAME in bpy.data.images
     bpy.ops.hush.end_preview()
 

@@ -29,7 +29,7 @@ def test_files_are_where_blender_renders_to() -> None:
         scene.render.filepath = "/tmp/{no_such_variable}/frame_"
         try:
             shot.frame_pattern(scene)
-        except shot.ShotError as error:
+        except kit.module("messages").Refusal as error:
             assert "no_such_variable" in str(error)
         else:
             raise AssertionError("an output path that cannot be used should be refused")

@@ -45,15 +45,6 @@ def stamps(folder: Path) -> dict[str, int]:
     return {name: (folder / name).stat().st_mtime_ns for name in NAMES}
 
 
-def refused(words: str, **arguments: object) -> None:
-    try:
-        bpy.ops.hush.whole_shot(**arguments)
-    except RuntimeError as error:
-        assert words in str(error), error
-    else:
-        raise AssertionError(f"was not refused, should say {words!r}")
-
-
 def test_as_one_headless_command() -> None:
     scene, folder = scene_of_three("headless")
     blend = kit.folder("headless-file") / "shot.blend"
@@ -103,13 +94,13 @@ def test_frames_of_another_size_are_rendered() -> None:
 def test_what_is_refused() -> None:
     scene, folder = scene_of_three("refused")
     scene.camera = None
-    refused("camera")
-    refused("no scene Nowhere", scene="Nowhere")
+    kit.refused(bpy.ops.hush.whole_shot, "camera")
+    kit.refused(bpy.ops.hush.whole_shot, "no scene Nowhere", scene="Nowhere")
     scene.render.engine = "BLENDER_WORKBENCH"
-    refused("Cycles")
+    kit.refused(bpy.ops.hush.whole_shot, "Cycles")
     scene, folder = scene_of_three("elsewhere")
     scene.hush.input_folder = str(kit.folder("farm"))
-    refused("not rendered")
+    kit.refused(bpy.ops.hush.whole_shot, "not rendered")
     assert kit.files(folder) == []
 
 
