@@ -117,7 +117,7 @@ def main() -> None:
         curves = lambda_curves.curves(measured, chosen.lambdas, hush, out)
         text = lambda_curves.report(curves)
         (chosen.figure or out / "lambda.svg").write_text(lambda_curves.figure(curves), encoding="utf-8")
-        name, kept = "lambda", [vars(point) for point in curves]
+        name, rows = "lambda", [vars(point) for point in curves]
     else:
         with oidn.device(chosen.threads) as device:
             made = [(take, run_all(take, hush, device, out)) for take in measured]
@@ -125,8 +125,8 @@ def main() -> None:
         coverage = {take.shot: len(numbers(take.reference)) for take in measured}
         parts = (tables.report(results, coverage), reference_noise(measured, hush), unbiased.report(made))
         text = "\n\n".join(part for part in parts if part)
-        name, kept = "benchmark", [{"shot": shot, "spp": spp, **scores} for (shot, spp), scores in results.items()]
-    (out / f"{name}.json").write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+        name, rows = "benchmark", [{"shot": shot, "spp": spp, **scores} for (shot, spp), scores in results.items()]
+    (out / f"{name}.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     (out / f"{name}.md").write_text(text + "\n", encoding="utf-8")
     print(text)
     if chosen.update:

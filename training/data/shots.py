@@ -22,7 +22,7 @@ class Shot:
     """The n frames of a shot, 5 or 7.
 
     colour, albedo, normal (n, 3, H, W), depth (n, 1, H, W), vector (n, 4, H, W); references: frame → (3, H, W), the middle one and
-    in some shots the one before; paths: (frame, offset) → `geometry.chain`, filled as they are asked for.
+    in some shots the one before; paths: (frame, offset) → `geometry.chain`, filled when they are wanted.
     """
 
     seed: int

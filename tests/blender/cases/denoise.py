@@ -366,7 +366,7 @@ class Window:
         """The operator's own functions on an object that is not Blender's."""
         kind = denoise.HUSH_OT_denoise_shot
         fake = SimpleNamespace(input_filepath="", output_filepath="", overwrite=False, scene="", _timer=object())
-        for name in ("_begin", "_show", "_hide", "_finish", "_outcome", "_ended", "modal", "cancel"):
+        for name in ("scene_of", "_begin", "_start", "_show", "_hide", "_finish", "_outcome", "_ended", "modal", "cancel"):
             setattr(fake, name, MethodType(getattr(kind, name), fake))
         fake.report = lambda level, text: self.reports.append((*level, text))
         return fake

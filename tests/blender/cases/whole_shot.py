@@ -111,7 +111,19 @@ def test_in_a_window() -> None:
     manager = SimpleNamespace(progress_begin=nothing, progress_update=nothing, progress_end=nothing, event_timer_remove=nothing)
     window = SimpleNamespace(window_manager=manager, workspace=SimpleNamespace(status_text_set=shown.append), scene=scene)
     fake = SimpleNamespace(scene="", render_again=False, _timer=object(), _job=None, _render=None, _range=None)
-    names = ("_prepare", "_render_next", "_give_range_back", "_next", "_ended", "_look_at_renders", "_sum_up", "_show", "_hide", "cancel")
+    names = (
+        "scene_of",
+        "_prepare",
+        "_render_next",
+        "_give_range_back",
+        "_next",
+        "_ended",
+        "_look_at_renders",
+        "_sum_up",
+        "_show",
+        "_hide",
+        "cancel",
+    )
     for name in names:
         setattr(fake, name, MethodType(getattr(whole_shot.HUSH_OT_whole_shot, name), fake))
     fake.report = lambda level, text: reports.append((*level, text))
