@@ -266,26 +266,26 @@ def apply(scene: bpy.types.Scene, steps: tuple[str, ...] = PREPARE) -> list[str]
 def undo(scene: bpy.types.Scene) -> list[str]:
     """Puts back what was there before; what was changed by hand since stays. Tells what could not be put back."""
     record = Record(scene)
-    changes = []
-    # All are looked at before any is set: setting one, such as the file format, changes others.
+    left = []
+    # All are looked at before any is set: setting one, such as the file format, left others.
     by_hand = [entry for entry in record.values if _now(record, entry) not in entry[2:]]
     for entry in record.values:
         path, name, before, _ = entry
         owner = record.owner(tuple(path))
         if owner is None:
-            changes.append(messages.text("undo_gone", name=" › ".join(path)))
+            left.append(messages.text("undo_gone", name=" › ".join(path)))
         elif entry in by_hand:
-            changes.append(messages.text("undo_by_hand", name=" › ".join((*path, name))))
+            left.append(messages.text("undo_by_hand", name=" › ".join((*path, name))))
         else:
             try:
                 setattr(owner, name, before)
             except (TypeError, AttributeError) as error:
-                changes.append(messages.text("undo_failed", name=name, reason=error))
+                left.append(messages.text("undo_failed", name=name, reason=error))
     layer = scene.view_layers.get(record.vector_layer or "")
     if layer is not None and len(scene.view_layers) > 1:
         scene.view_layers.remove(layer)
     scene.hush.prepared = ""
-    return changes
+    return left
 
 
 def _now(record: Record, entry: list[Any]) -> object:
@@ -328,8 +328,7 @@ class HUSH_OT_undo_prepare(SceneOperator, bpy.types.Operator):
         if not scene.hush.prepared:
             self.report({"WARNING"}, messages.text("nothing_prepared", scene=scene.name))
             return {"CANCELLED"}
-        changes = undo(scene)
-        for text in changes:
+        for text in undo(scene):
             self.report({"WARNING"}, text)
         self.report({"INFO"}, messages.text("unprepared"))
         return {"FINISHED"}
