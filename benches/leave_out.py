@@ -1,9 +1,9 @@
-"""Time with and without what the plan leaves out, and the largest difference, on three kinds of made-up shots.
+"""Time with and without what is left out, and the largest difference, on three kinds of made-up shots.
 
     python benches/leave_out.py target/release/hush
 
 `static`: everything noisy, nothing moves. `background`: a noisy square on a third of the width before an empty, transparent ground.
-`converged`: free of noise, half of it flat and half a slow gradient. Five frames of 960×540, the middle one measured by `hush plan`.
+`converged`: free of noise, half of it flat and half a slow gradient. Five frames of 960×540, the middle one measured by `hush survey`.
 Wants numpy and OpenEXR.
 """
 
@@ -81,12 +81,12 @@ def main() -> None:
             shot.mkdir()
             for number in range(1, FRAMES + 1):
                 write(shot / f"f_{number:04d}.exr", make(number))
-            plan = json.loads(subprocess.run([hush, "plan", shot, "--json"], capture_output=True, check=True).stdout)
-            for folder, options in (("with", []), ("without", ["--no-skip", "all"])):
+            survey = json.loads(subprocess.run([hush, "survey", shot, "--json"], capture_output=True, check=True).stdout)
+            for folder, options in (("with", []), ("without", ["--skip", "none"])):
                 subprocess.run([hush, "denoise", shot, "-o", Path(scratch) / folder, "--quiet", *options], check=True)
             a, b = colours(Path(scratch) / "with"), colours(Path(scratch) / "without")
             step = np.maximum(np.spacing(np.maximum(a, b).astype(np.float16)).astype(np.float64), 2.0**-24)
-            time = plan["time"]
+            time = survey["time"]
             times = f"{time['without']:.3f}, {time['with']:.3f}" if time else "–"
             share = f"{time['with'] / time['without']:.2f}" if time else "–"
             print(f"{name:12}  {times:>21}   {share:>5}   {(np.abs(a - b) / step).max():.4f}")

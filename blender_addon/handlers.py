@@ -8,7 +8,8 @@ Only what runs in the main thread changes nodes; a render's own thread writes a 
 import bpy
 from bpy.app.handlers import persistent
 
-from . import node, refresh
+from . import refresh
+from .nodes import node
 
 _suspended: dict[str, int] = {}
 

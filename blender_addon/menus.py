@@ -5,7 +5,8 @@
 import bpy
 from bpy.props import BoolProperty
 
-from . import compat, messages, node, refresh
+from . import compat, messages, refresh
+from .nodes import node
 
 
 class HUSH_OT_add_node(bpy.types.Operator):

@@ -268,6 +268,10 @@ _FOR_ARTISTS = (
 _PLURALS = {"is": "are", "was": "were", "has": "have"}
 
 
+class Refusal(Exception):
+    """Why something cannot be done, in words for artists."""
+
+
 def text(key: str, **fields: object) -> str:
     """The message with its fields filled in.
 

@@ -6,7 +6,11 @@ import textwrap
 
 import bpy
 
-from . import check, denoise, messages, node, refresh, shot, status
+from . import messages, refresh, shot, status
+from .checks import check
+from .denoising import denoise
+from .messages import Refusal
+from .nodes import node
 
 # A letter's width in the interface's own units, a little generous.
 _LETTER = 6.5
@@ -91,7 +95,7 @@ class RENDER_PT_hush_folders(_HushPanel, bpy.types.Panel):
         try:
             lines = [messages.text("frames_from", path=path) for path in shot.frame_patterns(scene)]
             lines.append(messages.text("frames_to", path=shot.output_folder(scene)))
-        except shot.ShotError as error:
+        except Refusal as error:
             lines = [str(error)]
         for line in lines:
             _paragraph(column, line, _width(context))
@@ -206,10 +210,10 @@ def _draw_node(layout: bpy.types.UILayout, tree: bpy.types.NodeTree, scene: bpy.
     column.prop(scene.hush, "window")
     column.prop(scene.hush, "input_folder", text="Frames")
     state = status.last_known(scene)
-    told = layout.column(align=True)
-    if not _draw_progress(told, scene) and state:
-        _paragraph(told, messages.sentence(state.text), width, icon="ERROR" if state.stale else "NONE")
-    _draw_reasons(told, [tree], width)
+    column = layout.column(align=True)
+    if not _draw_progress(column, scene) and state:
+        _paragraph(column, messages.sentence(state.text), width, icon="ERROR" if state.stale else "NONE")
+    _draw_reasons(column, [tree], width)
     buttons = layout.column(align=True)
     buttons.operator("hush.denoise_shot", icon=node.ICON).scene = scene.name
     buttons.operator("hush.composite_shot", icon="RENDER_ANIMATION")
@@ -227,16 +231,4 @@ def _paragraph(column: bpy.types.UILayout, text: str, width: float, *, icon: str
         column.label(text=line, icon=icon if number == 0 else "BLANK1" if icon != "NONE" else "NONE")
 
 
-_CLASSES = (RENDER_PT_hush, RENDER_PT_hush_settings, RENDER_PT_hush_folders, NODE_PT_hush)
-
-
-def register() -> None:
-    """Adds the panels."""
-    for cls in _CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister() -> None:
-    """Takes the panels away."""
-    for cls in reversed(_CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory((RENDER_PT_hush, RENDER_PT_hush_settings, RENDER_PT_hush_folders, NODE_PT_hush))

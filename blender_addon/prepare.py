@@ -8,9 +8,10 @@ from contextlib import contextmanager
 from typing import Any
 
 import bpy
-from bpy.props import StringProperty
 
 from . import compat, messages
+from .messages import Refusal
+from .scene_operator import SceneOperator
 
 VECTOR_LAYER = "Hush Vectors"
 LOSSLESS = {"NONE", "RLE", "ZIPS", "ZIP", "PIZ"}
@@ -23,23 +24,19 @@ _COLLECTION_FLAGS = ("exclude", "holdout", "indirect_only", "hide_viewport")
 Owner = tuple[str, ...]
 
 
-class PrepareError(Exception):
-    """Why the scene cannot be prepared."""
-
-
 class Record:
     """What was changed in a scene and what was there before, kept in `scene.hush.prepared`."""
 
     def __init__(self, scene: bpy.types.Scene) -> None:
         self.scene = scene
         try:
-            kept = json.loads(scene.hush.prepared or "{}")
+            stored = json.loads(scene.hush.prepared or "{}")
         except ValueError:
-            kept = {}
-        kept = kept if isinstance(kept, dict) else {}
-        self.vector_layer: str | None = kept.get("vector_layer")
+            stored = {}
+        stored = stored if isinstance(stored, dict) else {}
+        self.vector_layer: str | None = stored.get("vector_layer")
         # [owner, property, before, after]
-        self.values: list[list[Any]] = kept.get("values", [])
+        self.values: list[list[Any]] = stored.get("values", [])
 
     def save(self) -> None:
         """Writes it into the scene; nothing where nothing is changed."""
@@ -84,8 +81,8 @@ class Record:
 def rendered_layers(scene: bpy.types.Scene) -> list[bpy.types.ViewLayer]:
     """The view layers that are rendered, without those that are there for their motion vectors only."""
     used = [layer for layer in scene.view_layers if layer.use]
-    kept = [layer for layer in used if layer.name not in (vector_layer(scene), Record(scene).vector_layer)]
-    return kept or used
+    shown = [layer for layer in used if layer.name not in (vector_layer(scene), Record(scene).vector_layer)]
+    return shown or used
 
 
 def vector_layer(scene: bpy.types.Scene) -> str:
@@ -126,7 +123,7 @@ def _camera(scene: bpy.types.Scene, record: Record) -> list[str]:
 
 
 def _passes(scene: bpy.types.Scene, record: Record) -> list[str]:
-    told = []
+    changes = []
     for layer in rendered_layers(scene):
         missing = missing_passes(layer)
         path = ("view_layers", layer.name)
@@ -134,8 +131,8 @@ def _passes(scene: bpy.types.Scene, record: Record) -> list[str]:
         record.set(path, "use_pass_vector", True)
         record.set(path, "use_pass_z", True)
         if missing:
-            told.append(messages.text("set_passes", layer=layer.name, passes=", ".join(missing)))
-    return told
+            changes.append(messages.text("set_passes", layer=layer.name, passes=", ".join(missing)))
+    return changes
 
 
 def _seed(scene: bpy.types.Scene, record: Record) -> list[str]:
@@ -150,35 +147,35 @@ def _denoising(scene: bpy.types.Scene, record: Record) -> list[str]:
 
 
 def _format(scene: bpy.types.Scene, record: Record) -> list[str]:
-    told = []
+    changes = []
     with record.watching(("render", "image_settings"), _IMAGE_SETTINGS) as settings:
         depth = settings.color_depth
         if settings.file_format != "OPEN_EXR_MULTILAYER":
             compat.use_multilayer(settings)
             settings.exr_codec = "ZIP"
-            told.append(messages.text("set_format"))
+            changes.append(messages.text("set_format"))
         elif settings.exr_codec not in LOSSLESS:
             settings.exr_codec = "ZIP"
-            told.append(messages.text("set_codec"))
+            changes.append(messages.text("set_codec"))
         settings.color_depth = "32"
         if depth != "32":
-            told.append(messages.text("set_depth"))
-    return told
+            changes.append(messages.text("set_depth"))
+    return changes
 
 
 def _motion_blur(scene: bpy.types.Scene, record: Record) -> list[str]:
     blurred = blurred_layers(scene)
     if not blurred or vector_layer(scene):
         return []
-    told = []
+    changes = []
     fitting = [layer.name for layer in scene.view_layers if layer.use and not layer.use_motion_blur and layer.use_pass_vector]
     name = fitting[0] if fitting else ""
     if not name:
         name = record.vector_layer = _add_vector_layer(scene, blurred)
-        told.append(messages.text("set_vector_layer", layer=name))
+        changes.append(messages.text("set_vector_layer", layer=name))
     record.set(("hush",), "vector_layer", name)
-    told.append(messages.text("set_vectors_from", layer=name))
-    return told + _single_layer(scene, record)
+    changes.append(messages.text("set_vectors_from", layer=name))
+    return changes + _single_layer(scene, record)
 
 
 def _add_vector_layer(scene: bpy.types.Scene, blurred: list[bpy.types.ViewLayer]) -> str:
@@ -250,15 +247,15 @@ PREPARE = ("passes", "seed", "denoising", "format", "motion_blur")
 
 
 def apply(scene: bpy.types.Scene, steps: tuple[str, ...] = PREPARE) -> list[str]:
-    """Does the steps and tells each change in words; nothing told, nothing changed.
+    """Does the steps and tells each change in words; nothing changes, nothing changed.
 
     Raises:
-        PrepareError: The scene is not rendered with Cycles, or cannot be changed.
+        Refusal: The scene is not rendered with Cycles, or cannot be changed.
     """
     if scene.library is not None:
-        raise PrepareError(messages.text("prepare_linked", scene=scene.name))
+        raise Refusal(messages.text("prepare_linked", scene=scene.name))
     if scene.render.engine != "CYCLES" and "engine" not in steps:
-        raise PrepareError(messages.text("prepare_engine", scene=scene.name, engine=scene.render.engine))
+        raise Refusal(messages.text("prepare_engine", scene=scene.name, engine=scene.render.engine))
     record = Record(scene)
     try:
         return [text for step in steps for text in STEPS[step](scene, record)]
@@ -269,99 +266,72 @@ def apply(scene: bpy.types.Scene, steps: tuple[str, ...] = PREPARE) -> list[str]
 def undo(scene: bpy.types.Scene) -> list[str]:
     """Puts back what was there before; what was changed by hand since stays. Tells what could not be put back."""
     record = Record(scene)
-    told = []
-    # All are looked at before any is set: setting one, such as the file format, changes others.
+    left = []
+    # All are looked at before any is set: setting one, such as the file format, left others.
     by_hand = [entry for entry in record.values if _now(record, entry) not in entry[2:]]
     for entry in record.values:
         path, name, before, _ = entry
         owner = record.owner(tuple(path))
         if owner is None:
-            told.append(messages.text("undo_gone", name=" › ".join(path)))
+            left.append(messages.text("undo_gone", name=" › ".join(path)))
         elif entry in by_hand:
-            told.append(messages.text("undo_by_hand", name=" › ".join((*path, name))))
+            left.append(messages.text("undo_by_hand", name=" › ".join((*path, name))))
         else:
             try:
                 setattr(owner, name, before)
             except (TypeError, AttributeError) as error:
-                told.append(messages.text("undo_failed", name=name, reason=error))
+                left.append(messages.text("undo_failed", name=name, reason=error))
     layer = scene.view_layers.get(record.vector_layer or "")
     if layer is not None and len(scene.view_layers) > 1:
         scene.view_layers.remove(layer)
     scene.hush.prepared = ""
-    return told
+    return left
 
 
 def _now(record: Record, entry: list[Any]) -> object:
     return getattr(record.owner(tuple(entry[0])), entry[1], None)
 
 
-def scene_of(operator: bpy.types.Operator, context: bpy.types.Context) -> bpy.types.Scene | None:
-    """The scene that an operator is for: the one it names, else the open one. Reports a name that is none."""
-    if not operator.scene:
-        return context.scene
-    scene = bpy.data.scenes.get(operator.scene)
-    if scene is None:
-        operator.report({"ERROR"}, messages.text("no_scene", name=operator.scene))
-    return scene
-
-
-class HUSH_OT_prepare_shot(bpy.types.Operator):
+class HUSH_OT_prepare_shot(SceneOperator, bpy.types.Operator):
     """Turn on what Hush needs to denoise well: passes, animated seed, multilayer EXR; and Cycles' own denoising off"""
 
     bl_idname = "hush.prepare_shot"
     bl_label = "Prepare Shot"
     bl_options = {"REGISTER", "UNDO"}
 
-    scene: StringProperty(name="Scene", description="Scene to prepare. Empty: the open one", options={"SKIP_SAVE"})
-
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Prepares the scene."""
-        scene = scene_of(self, context)
+        scene = self.scene_of(context)
         if scene is None:
             return {"CANCELLED"}
         try:
-            told = apply(scene)
-        except PrepareError as error:
+            changes = apply(scene)
+        except Refusal as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        self.report({"INFO"}, messages.text("prepared", changes="; ".join(told)) if told else messages.text("prepared_already"))
+        self.report({"INFO"}, messages.text("prepared", changes="; ".join(changes)) if changes else messages.text("prepared_already"))
         return {"FINISHED"}
 
 
-class HUSH_OT_undo_prepare(bpy.types.Operator):
+class HUSH_OT_undo_prepare(SceneOperator, bpy.types.Operator):
     """Put every setting that Prepare Shot changed back to what it was"""
 
     bl_idname = "hush.undo_prepare"
     bl_label = "Undo Prepare"
     bl_options = {"REGISTER", "UNDO"}
 
-    scene: StringProperty(name="Scene", description="Scene to put back. Empty: the open one", options={"SKIP_SAVE"})
-
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Puts the scene back."""
-        scene = scene_of(self, context)
+        scene = self.scene_of(context)
         if scene is None:
             return {"CANCELLED"}
         if not scene.hush.prepared:
             self.report({"WARNING"}, messages.text("nothing_prepared", scene=scene.name))
             return {"CANCELLED"}
-        told = undo(scene)
-        for text in told:
+        for text in undo(scene):
             self.report({"WARNING"}, text)
         self.report({"INFO"}, messages.text("unprepared"))
         return {"FINISHED"}
 
 
-_CLASSES = (HUSH_OT_prepare_shot, HUSH_OT_undo_prepare)
-
-
-def register() -> None:
-    """Adds the operators."""
-    for each in _CLASSES:
-        bpy.utils.register_class(each)
-
-
-def unregister() -> None:
-    """Takes the operators away."""
-    for each in reversed(_CLASSES):
-        bpy.utils.unregister_class(each)
+register, unregister = bpy.utils.register_classes_factory((HUSH_OT_prepare_shot, HUSH_OT_undo_prepare))

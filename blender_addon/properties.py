@@ -8,12 +8,18 @@ None has an update callback: after one was unregistered, Blender 4.2 as a Python
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty
 
+from .settings import SETTINGS
+
+
+def _description(setting: str, more: str = "") -> str:
+    """What a setting does, without what only the command line can do with it."""
+    return SETTINGS[setting].help.partition(";")[0] + more
+
+
 WINDOWS = (
     ("AUTO", "Automatic", "Two frames on each side where the frames have motion vectors, else none"),
     ("0", "This Frame Only", "Each frame is denoised for itself; more flicker"),
-    ("1", "1 Frame", "One frame on each side helps"),
-    ("2", "2 Frames", "Two frames on each side help"),
-    ("3", "3 Frames", "Three frames on each side help; slower, wants more memory"),
+    *((str(n), f"{n} Frame{'s' * (n > 1)}", f"Frames on each side that help: {n}") for n in range(1, int(SETTINGS["window"].most) + 1)),
 )
 
 COMPOSITE_FORMATS = (
@@ -22,45 +28,33 @@ COMPOSITE_FORMATS = (
 )
 
 
+def _folder(name: str, description: str) -> StringProperty:
+    return StringProperty(name=name, description=description, subtype="DIR_PATH", options=set())
+
+
 class HushShot(bpy.types.PropertyGroup):
     """How a scene's frames are denoised."""
 
     lam: FloatProperty(
         name="λ Noise to Keep",
-        description=(
-            "1 is cleanest. Higher keeps more of the render's grain, and the fine detail hidden in it. "
-            "Can be keyframed. After a change press Denoise Shot again"
-        ),
-        default=1.0,
-        min=1.0,
-        max=64.0,
+        description=_description("lambda", ". Can be keyframed. After a change press Denoise Shot again"),
+        default=SETTINGS["lambda"].default,
+        min=SETTINGS["lambda"].least,
+        max=SETTINGS["lambda"].most,
         step=10,
         precision=2,
     )
     window: EnumProperty(
         name="Window",
-        description="How many frames before and after each frame help to denoise it. They need motion vectors",
+        description=_description("window", ". They need motion vectors"),
         items=WINDOWS,
         default="AUTO",
         options=set(),
     )
-    input_folder: StringProperty(
-        name="Rendered Frames",
-        description="Folder of the noisy frames. Empty: where the scene renders to",
-        subtype="DIR_PATH",
-        options=set(),
-    )
-    output_folder: StringProperty(
-        name="Denoised Frames",
-        description="Folder for the denoised frames. Empty: a folder named denoised beside the noisy frames",
-        subtype="DIR_PATH",
-        options=set(),
-    )
-    composite_folder: StringProperty(
-        name="Composited Frames",
-        description="Folder for the frames of Composite Denoised. Empty: a folder named composited beside the noisy frames",
-        subtype="DIR_PATH",
-        options=set(),
+    input_folder: _folder("Rendered Frames", "Folder of the noisy frames. Empty: where the scene renders to")
+    output_folder: _folder("Denoised Frames", _description("output", ". Empty: a folder named denoised beside the noisy frames"))
+    composite_folder: _folder(
+        "Composited Frames", "Folder for the frames of Composite Denoised. Empty: a folder named composited beside the noisy frames"
     )
     composite_format: EnumProperty(
         name="Format",
@@ -77,13 +71,13 @@ class HushShot(bpy.types.PropertyGroup):
     )
     keep_noisy: BoolProperty(
         name="Keep Noisy Image",
-        description="Keep the noisy image in the denoised files, as the pass Noisy Image",
-        default=False,
+        description=_description("keep_noisy"),
+        default=SETTINGS["keep_noisy"].default,
         options=set(),
     )
     vector_layer: StringProperty(
         name="Vectors From",
-        description="View layer that the motion vectors are taken from. Empty: the one that Prepare Shot made, else each layer's own",
+        description=_description("vector_layer", ". Empty: the one that Prepare Shot made, else each layer's own"),
         options=set(),
     )
     prepared: StringProperty(

@@ -6,7 +6,9 @@ import time
 
 import bpy
 
-from . import check, node, status
+from . import status
+from .checks import check
+from .nodes import node
 
 # How often the timer asks whether there is something to do, and how long the playhead must rest before a frame is read.
 _TICK, _REST = 0.1, 0.15

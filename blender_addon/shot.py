@@ -12,8 +12,9 @@ from typing import Any
 import bpy
 
 from . import compat, messages, prepare
+from .messages import Refusal
+from .settings import SETTINGS
 
-LAMBDA_MIN, LAMBDA_MAX = 1.0, 64.0
 _HASHES = re.compile(r"#+(?=[^#]*$)")
 _NUMBERED = re.compile(r"^(.*?)(-?\d+)(\D*)\.exr$", re.IGNORECASE)
 _sequences: dict[Path, tuple[int, list[str]]] = {}
@@ -21,10 +22,6 @@ _examples: dict[Path, tuple[int, Path | None]] = {}
 _layers: dict[Path, tuple[int | None, list[str]]] = {}
 # View layers that Prepare Shot made.
 _VECTOR_LAYER = re.compile(rf"{re.escape(prepare.VECTOR_LAYER)}(\.\d+)?")
-
-
-class ShotError(Exception):
-    """The scene's settings name no frames; the message says why."""
 
 
 def stereo_views(scene: bpy.types.Scene) -> list[str]:
@@ -46,7 +43,7 @@ def frame_pattern(scene: bpy.types.Scene, view: str | None = None) -> Path:
     """The noisy frames as `…/frame_####.exr`, of one view where each has its own files (the first one if not said).
 
     Raises:
-        ShotError: Blender cannot make a path of the scene's output setting.
+        Refusal: Blender cannot make a path of the scene's output setting.
     """
     view = views(scene)[0] if view is None else view
     rendered = _render_pattern(scene, view)
@@ -110,7 +107,7 @@ def sequences(scene: bpy.types.Scene) -> list[dict[str, Any]]:
     """The scene's shot as arguments of `hush.denoise_sequence` and `hush.check_sequence`, once for each sequence of files.
 
     Raises:
-        ShotError: Blender cannot make a path of the scene's output setting.
+        Refusal: Blender cannot make a path of the scene's output setting.
     """
     frames, output = list(frame_range(scene)), str(output_folder(scene))
     made = []
@@ -171,10 +168,10 @@ def _layers_of(file: Path | None) -> list[str]:
         stamp = file.stat().st_mtime_ns if file else None
         if file is None or file in _layers and _layers[file][0] == stamp:
             return _layers[file][1] if file else []
-        told = hush.inspect(str(file))
+        about = hush.inspect(str(file))
     except (OSError, ValueError, hush.HushError):
         return []
-    names = [layer["name"] for layer in told.get("layout", told).get("layers", ()) if layer["name"]]
+    names = [layer["name"] for layer in about.get("layout", about).get("layers", ()) if layer["name"]]
     _layers[file] = stamp, names
     return names
 
@@ -211,7 +208,7 @@ def lambda_source(scene: bpy.types.Scene) -> str:
 
 
 def lambda_at(scene: bpy.types.Scene, frame: int) -> float:
-    """λ at a frame, 1…64, without going there. Under a driver or NLA strips: its value now."""
+    """λ at a frame, within its range, without going there. Under a driver or NLA strips: its value now."""
     curve = _lambda_curve(scene) if lambda_source(scene) == "keys" else None
     return _evaluate(scene, curve, frame)
 
@@ -232,7 +229,7 @@ def _evaluate(scene: bpy.types.Scene, curve: bpy.types.FCurve | None, frame: int
     else:
         # The render settings can stretch time; curves are read at the stretched frame.
         value = curve.evaluate(frame * scene.render.frame_map_new / scene.render.frame_map_old)
-    return min(max(value, LAMBDA_MIN), LAMBDA_MAX)
+    return min(max(value, SETTINGS["lambda"].least), SETTINGS["lambda"].most)
 
 
 def _lambda_curve(scene: bpy.types.Scene) -> bpy.types.FCurve | None:
@@ -260,10 +257,10 @@ def _render_pattern(scene: bpy.types.Scene, view: str) -> Path:
         one, two = (render.frame_path(frame=frame, view=view) for frame in (11111, 22222))
     except RuntimeError as error:
         reason = str(error).removeprefix("Error: ").strip()
-        raise ShotError(messages.text("path", reason=reason)) from None
+        raise Refusal(messages.text("path", reason=reason)) from None
     differing = [i for i, (a, b) in enumerate(zip(one, two, strict=False)) if a != b]
     if not differing:
-        raise ShotError(messages.text("path_number", path=one))
+        raise Refusal(messages.text("path_number", path=one))
     end = differing[-1] + 1
     runs = _HASHES.findall(re.split(r"[\\/]", render.filepath)[-1])
     width = len(runs[-1]) if runs else 4

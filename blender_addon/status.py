@@ -12,16 +12,13 @@ from typing import Any
 import bpy
 
 from . import messages, shot
+from .messages import Refusal
 
 # A look at the disk is worth this many times what it took, so that a slow network drive is not asked all the time.
 _REST = 50.0
 _LEAST_REST = 1.0
 # What a frame of several files is: the least that one of them is.
 _ORDER = ("unrendered", "missing", "stale", "current")
-
-
-class StatusError(Exception):
-    """Why nothing can be said of a shot; the message is for artists."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +55,7 @@ class ShotStatus:
 
 @dataclass
 class _Known:
-    asked: object
+    request: object
     until: float
     frames: dict[int, Frame]
     status: ShotStatus
@@ -82,9 +79,9 @@ def frame(scene: bpy.types.Scene, number: int) -> Frame:
     """What one frame is now, also outside the scene's range.
 
     Raises:
-        StatusError: Nothing can be said of the shot.
+        Refusal: Nothing can be said of the shot.
     """
-    return _ask(scene, _arguments(scene), [number])[number]
+    return _ask(scene, shot.sequences(scene), [number])[number]
 
 
 def last_known(scene: bpy.types.Scene) -> ShotStatus | None:
@@ -100,32 +97,25 @@ def forget() -> None:
 
 def _known(scene: bpy.types.Scene) -> _Known:
     known = _scenes.get(scene.session_uid)
-    asked, wrong = None, None
+    request, wrong = None, None
     try:
-        asked = (_arguments(scene), shot.render_size(scene))
-    except StatusError as error:
+        request = (shot.sequences(scene), shot.render_size(scene))
+    except Refusal as error:
         wrong = str(error)
-    if known and asked is not None and known.asked == asked and time.monotonic() < known.until:
+    if known and request is not None and known.request == request and time.monotonic() < known.until:
         return known
     began = time.monotonic()
     total = len(shot.frame_range(scene))
     found: dict[int, Frame] = {}
     try:
-        if asked is not None and total:
-            found = _ask(scene, asked[0], shot.frame_range(scene))
-    except StatusError as error:
+        if request is not None and total:
+            found = _ask(scene, request[0], shot.frame_range(scene))
+    except Refusal as error:
         wrong = str(error)
     made = ShotStatus(0, 0, total, total, wrong) if wrong else _summary(scene, found)
     now = time.monotonic()
-    known = _scenes[scene.session_uid] = _Known(asked, now + max(_LEAST_REST, _REST * (now - began)), found, made)
+    known = _scenes[scene.session_uid] = _Known(request, now + max(_LEAST_REST, _REST * (now - began)), found, made)
     return known
-
-
-def _arguments(scene: bpy.types.Scene) -> list[dict[str, Any]]:
-    try:
-        return shot.sequences(scene)
-    except shot.ShotError as error:
-        raise StatusError(str(error)) from None
 
 
 def _ask(scene: bpy.types.Scene, sequences: list[dict[str, Any]], numbers: Iterable[int]) -> dict[int, Frame]:
@@ -133,16 +123,16 @@ def _ask(scene: bpy.types.Scene, sequences: list[dict[str, Any]], numbers: Itera
     try:
         import hush
     except ImportError as error:
-        raise StatusError(messages.text("library", reason=messages.of_error(error))) from None
+        raise Refusal(messages.text("library", reason=messages.of_error(error))) from None
     _check = _check or hush.SequenceCheck()
     size = shot.render_size(scene)
     found: dict[int, list[Frame]] = {number: [] for number in numbers}
     for arguments in sequences:
         try:
-            told = _check.check(**arguments | {"frames": list(found)})
+            checked = _check.check(**arguments | {"frames": list(found)})
         except (OSError, ValueError, TypeError, hush.HushError) as error:
-            raise StatusError(messages.of_error(error)) from None
-        for entry in told["frames"]:
+            raise Refusal(messages.of_error(error)) from None
+        for entry in checked["frames"]:
             found[entry["frame"]].append(_frame(entry, size))
     return {number: min(parts, key=lambda part: _ORDER.index(part.state)) for number, parts in found.items()}
 

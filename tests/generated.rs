@@ -160,15 +160,23 @@ fn the_keywords_of_python_are_current() {
 #[test]
 fn the_table_of_the_extension_is_current() {
     let mut text = String::from(
-        "\"\"\"The settings as the library declares them. Generated from src/settings/table.rs.\"\"\"\n\nfrom __future__ import \
-         annotations\n\nfrom typing import NamedTuple\n\n\nclass Setting(NamedTuple):\n    \"\"\"One setting: what it does, its default in \
-         words, and the range of a number.\"\"\"\n\n    help: str\n    default: str\n    least: float | None = None\n    most: float | \
-         None = None\n\n\nSETTINGS: dict[str, Setting] = {\n",
+        "# SPDX-FileCopyrightText: 2026 Hush authors\n# SPDX-License-Identifier: Apache-2.0\n\"\"\"The settings of a shot, by their names in \
+         hush.toml. Generated from src/settings/table.rs: not changed by hand.\"\"\"\n\nfrom typing import NamedTuple\n\n\nclass \
+         Setting(NamedTuple):\n    \"\"\"A setting: what it does; its default, None where that is not one value; the least and the most, \
+         None where it is no number.\"\"\"\n\n    help: str\n    default: object\n    least: float | None\n    most: float | \
+         None\n\n\nSETTINGS: dict[str, Setting] = {\n",
     );
     for setting in SETTINGS {
-        let range = setting.kind.range().map(|(least, most)| format!(", {least}, {most}")).unwrap_or_default();
-        let (name, help, default) = (setting.name, quoted(setting.help()), quoted(setting.default));
-        writeln!(text, "    \"{name}\": Setting({help}, {default}{range}),").unwrap();
+        let default = match setting.kind {
+            Kind::Flag => if setting.default == "true" { "True" } else { "False" }.to_owned(),
+            _ => setting.default.parse::<f64>().map_or("None".into(), |number| number.to_string()),
+        };
+        let end = |end: Option<f64>| end.map_or("None".into(), |end| end.to_string());
+        let (least, most) = (end(setting.kind.range().map(|r| r.0)), end(setting.kind.range().map(|r| r.1)));
+        let help = if setting.help().contains('"') { format!("'{}'", setting.help()) } else { quoted(setting.help()) };
+        let name = setting.name;
+        writeln!(text, "    \"{name}\": Setting(\n        {help},\n        default={default},\n        least={least},\n        most={most},\n    ),")
+            .unwrap();
     }
     text.push_str("}\n");
     check("blender_addon/settings.py", &text);

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import random
 
-import ablate
-import fused
 import numpy as np
 import pytest
 import torch
-from benchmark_unbiased import relmse
-from data import OFFSETS, Shot, frames, oriented, prepare, view
-from loss import flicker
-from model import Architecture, Hush, kernel_average
 from torch import Tensor
-from train import batch_of, collate, example, objective
+
+from training.benchmark import ablate
+from training.benchmark.unbiased import relmse
+from training.data.inputs import frames, prepare, view
+from training.data.shots import OFFSETS, Shot, oriented
+from training.network import fused
+from training.network.loss import flicker
+from training.network.model import Architecture, Hush, kernel_average
+from training.network.train import batch_of, collate, example, objective
 
 torch.set_num_threads(1)
 ROWS, COLUMNS = 24, 40

@@ -1,4 +1,4 @@
-//! Agreement with the PyTorch model, stage by stage (`training/golden.py` writes the files).
+//! Agreement with the PyTorch model, stage by stage (`training/network/golden.py` writes the files).
 
 use std::collections::HashMap;
 

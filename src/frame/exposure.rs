@@ -1,4 +1,4 @@
-//! How bright a frame is: the scale that brings it to the network's brightness (`exposure` in `training/geometry.py`).
+//! How bright a frame is: the scale that brings it to the network's brightness (`exposure` in `training/data/geometry.py`).
 
 use ndarray::ArrayView3;
 use rayon::prelude::*;

@@ -1,11 +1,11 @@
-//! Keys: what a tap's logit may depend on besides the pixel that it helps (`key_of` in `training/model.py`).
+//! Keys: what a tap's logit may depend on besides the pixel that it helps (`key_of` in `training/network/model.py`).
 
 use super::Channels;
 use super::planes::RowMut;
 use crate::simd::Isa;
 use crate::simd::lanes::ln_1p_all;
 
-/// The brightest that the network and the keys tell apart, after exposure (`BRIGHTEST` in `training/model.py`).
+/// The brightest that the network and the keys tell apart, after exposure (`BRIGHTEST` in `training/data/geometry.py`).
 pub const MAX_EXPOSED: f32 = 1e4;
 
 /// Fills a row's key from its colours: ln(1 + the mean of the demodulated colour, exposed as the centre frame is), one plane for each

@@ -7,7 +7,7 @@ use super::planes::Planes;
 use crate::simd::dense::SEGMENT;
 use crate::simd::lanes::Lanes;
 
-/// Logits are clamped to ± this, so that no weight underflows (`LOGIT_LIMIT` in `training/model.py`).
+/// Logits are clamped to ± this, so that no weight underflows (`LOGIT_LIMIT` in `training/network/model.py`).
 const LOGIT_LIMIT: f32 = 40.0;
 
 /// An image whose taps take part in a softmax.

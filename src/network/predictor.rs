@@ -16,7 +16,7 @@ use crate::simd::Activation;
 use crate::simd::dense::{Dense, SEGMENT};
 use crate::simd::lanes::Lanes;
 
-/// Queries of a kernel over one image: what to multiply a tap's key by, and its square (`QUERIES` in `training/model.py`).
+/// Queries of a kernel over one image: what to multiply a tap's key by, and its square (`QUERIES` in `training/network/model.py`).
 const QUERIES: usize = 2;
 
 /// How many taps each kernel has.

@@ -1,4 +1,4 @@
-//! Neighbouring frames seen from the centre frame: chained motion vectors, trust, warped pixels (`training/geometry.py`).
+//! Neighbouring frames seen from the centre frame: chained motion vectors, trust, warped pixels (`training/data/geometry.py`).
 
 use rayon::prelude::*;
 

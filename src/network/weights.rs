@@ -22,7 +22,7 @@ const ARCHITECTURE_KEY: &str = "hush.architecture";
 /// The largest weights file that is read, in bytes.
 const SIZE_LIMIT: u64 = 256 << 20;
 
-/// Everything that the network needs to build itself (`Architecture` in `training/model.py`).
+/// Everything that the network needs to build itself (`Architecture` in `training/network/model.py`).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Architecture {

@@ -11,7 +11,7 @@ use crate::engine::probe::Probe;
 use crate::network::logits::RegionLogits;
 use crate::network::weights::Architecture;
 
-/// `LOGIT_LIMIT` in `training/model.py`.
+/// `LOGIT_LIMIT` in `training/network/model.py`.
 const LOGIT_LIMIT: f64 = 40.0;
 
 /// A frame's result, (rows, columns, values): colour, alpha, light passes.

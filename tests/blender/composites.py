@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import importlib
 import shutil
-import time
 from pathlib import Path
 
 import bpy
@@ -12,9 +10,7 @@ import fingerprint
 import kit
 import numpy as np
 
-compat, composite, composite_plan, job = (
-    importlib.import_module(f"{kit.MODULE}.{name}") for name in ("compat", "composite", "composite_plan", "job")
-)
+compat, composite, contents, job = (kit.module(name) for name in ("compat", "compositing.composite", "compositing.contents", "jobs.job"))
 
 
 # Composited frames are half float.
@@ -78,24 +74,9 @@ def untouched(**arguments: object) -> set[str]:
 
 def refused(*words: str, **arguments: object) -> str:
     """What the error says, with these words in it."""
-    try:
-        untouched(**arguments)
-    except RuntimeError as error:
-        assert all(word in str(error) for word in words), error
-        return str(error)
-    raise AssertionError(f"was not refused, should say {words!r}")
+    return kit.refused(untouched, *words, **arguments)
 
 
 def rendered_again(folder: Path, name: str) -> None:
     """A frame is rendered again, with other light."""
     kit.rewrite(folder / name, lambda channel, pixels: pixels * 2 if ".Combined." in channel else pixels)
-
-
-def ended(running: object) -> object:
-    """The job, at its end."""
-    until = time.monotonic() + 60
-    while not running.ended:
-        assert time.monotonic() < until, "the process does not end"
-        running.poll()
-        time.sleep(0.01)
-    return running

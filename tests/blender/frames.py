@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import ModuleType
 
 import bpy
 import kit
@@ -18,19 +16,14 @@ from plain import CHANNELS, render
 BLENDER_5 = bpy.app.version >= (5, 0)
 
 
-def module(name: str) -> ModuleType:
-    """A module of the extension."""
-    return importlib.import_module(f"{kit.MODULE}.{name}")
-
-
 def denoise(scene: bpy.types.Scene, frames: list[int] | None = None, **settings: object) -> None:
     """Denoises frames of the scene's shot as Denoise Shot does, all by default."""
     import hush
 
-    for arguments in module("shot").sequences(scene):
+    for arguments in kit.module("shot").sequences(scene):
         told = hush.denoise_sequence(**arguments | ({"frames": frames} if frames else {}) | settings)
         assert not told["failed"] and told["written"] + told["skipped"] == len(frames or arguments["frames"]), told
-    module("status").forget()
+    kit.module("status").forget()
 
 
 def denoised(shot: Path, frame: int, layer: str = "ViewLayer") -> np.ndarray:
@@ -48,7 +41,7 @@ def scene_with_node(shot: Path, kind: str = "plain") -> tuple[bpy.types.Scene, b
     scene = kit.build_scene(kind)
     scene.hush.input_folder = str(shot)
     assert bpy.ops.hush.add_node() == {"FINISHED"}
-    (node,) = module("node").nodes(scene)
+    (node,) = kit.module("nodes.node").nodes(scene)
     put_in(scene, node)
     return scene, node
 
@@ -72,7 +65,7 @@ def put_in(scene: bpy.types.Scene, node: bpy.types.Node) -> None:
 def without_handlers(*names: str) -> Iterator[None]:
     """Takes Hush's handlers out, those of these names or all."""
     taken = []
-    for name, function in module("handlers")._HANDLERS:
+    for name, function in kit.module("handlers")._HANDLERS:
         if not names or name in names:
             getattr(bpy.app.handlers, name).remove(function)
             taken.append((name, function))
@@ -86,7 +79,7 @@ def without_handlers(*names: str) -> Iterator[None]:
 def shown(scene: bpy.types.Scene, frame: int, name: str = "out") -> np.ndarray:
     """What the artist sees at a frame in a window, where the node may show the denoised frame; RGBA."""
     scene.frame_set(frame)
-    module("node").sync(scene)
+    kit.module("nodes.node").sync(scene)
     with without_handlers():
         return render(scene, frame, kit.folder(name))
 

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import fcntl
+import importlib
 import os
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import addon_utils
 import bpy
@@ -35,6 +39,31 @@ def disable() -> None:
 
 def _fail(error: Exception) -> None:
     raise error
+
+
+def module(name: str) -> ModuleType:
+    """A module of the installed extension, such as checks.check."""
+    return importlib.import_module(f"{MODULE}.{name}")
+
+
+def refused(operator: Callable[..., object], *words: str, **arguments: object) -> str:
+    """What the error says that the operator must report, with these words in it."""
+    try:
+        operator(**arguments)
+    except RuntimeError as error:
+        assert all(word in str(error) for word in words), error
+        return str(error)
+    raise AssertionError(f"was not refused, should say {words!r}")
+
+
+def ended(running: Any) -> Any:  # noqa: ANN401 (a job of the extension)
+    """The job, at its end."""
+    until = time.monotonic() + 60
+    while not running.ended:
+        assert time.monotonic() < until, "the process does not end"
+        running.poll()
+        time.sleep(0.01)
+    return running
 
 
 def archive() -> Path:

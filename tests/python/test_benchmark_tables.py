@@ -7,9 +7,9 @@ import sys
 import pytest
 from conftest import ROOT
 
-sys.path.append(str(ROOT / "training"))
+sys.path.append(str(ROOT))
 
-import benchmark_tables as tables  # noqa: E402
+from training.benchmark import tables  # noqa: E402
 
 
 def scores(smape: float, relmse: float = 0.1, flicker: float | None = 0.1) -> dict[str, float | None]:
@@ -88,9 +88,9 @@ def test_a_curve_that_falls_is_not_called_monotone() -> None:
 
 
 def test_only_what_is_between_the_markers_is_replaced() -> None:
-    document = "before\n<!-- x: written by benchmark.py -->\nold\n<!-- end of x -->\nafter\n"
+    document = "before\n<!-- x: written by training/benchmark/run.py -->\nold\n<!-- end of x -->\nafter\n"
     once = tables.replaced(document, "x", "new")
-    assert once == "before\n<!-- x: written by benchmark.py -->\nnew\n<!-- end of x -->\nafter\n"
+    assert once == "before\n<!-- x: written by training/benchmark/run.py -->\nnew\n<!-- end of x -->\nafter\n"
     assert tables.replaced(once, "x", "new") == once
     with pytest.raises(ValueError, match="written by"):
         tables.replaced("no markers", "x", "new")

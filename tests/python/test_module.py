@@ -57,15 +57,15 @@ def test_the_module_says_what_it_is() -> None:
     assert issubclass(hush.HushError, Exception)
     assert f'version = "{hush.__version__}"' in (ROOT / "Cargo.toml").read_text()
     assert all(hasattr(hush, name) for name in hush.__all__)
-    for name in ("denoise", "Denoiser", "denoise_sequence", "plan_sequence", "inspect", "main"):
+    for name in ("denoise", "Denoiser", "denoise_sequence", "dry_run_sequence", "inspect", "main"):
         assert len(getattr(hush, name).__doc__) > 100, name
 
 
-def test_the_plan_takes_what_the_run_takes() -> None:
+def test_the_dry_run_takes_what_the_run_takes() -> None:
     run = introspect.signature(hush.denoise_sequence).parameters
-    plan = introspect.signature(hush.plan_sequence).parameters
-    assert [str(run[name]) for name in plan] == [str(parameter) for parameter in plan.values()]
-    assert run.keys() - plan.keys() == {"progress", "cancel"}
+    dry = introspect.signature(hush.dry_run_sequence).parameters
+    assert [str(run[name]) for name in dry] == [str(parameter) for parameter in dry.values()]
+    assert run.keys() - dry.keys() == {"progress", "cancel"}
 
 
 @pytest.mark.parametrize("tool", [["mypy.stubtest", "hush", "--concise"], ["mypy", "--strict", "-p", "hush"]])
@@ -87,15 +87,15 @@ def test_the_result_is_that_of_the_command_line(command_line: Hush, small: Path,
     assert (done["written"], done["failed"], done["interrupted"], done["stopped"]) == (COUNT, [], False, None)
 
 
-def test_a_second_run_skips_and_the_plan_says_so(small: Path, tmp_path: Path) -> None:
+def test_a_second_run_skips_and_the_dry_run_says_so(small: Path, tmp_path: Path) -> None:
     output = tmp_path / "out"
-    planned = hush.plan_sequence(small, output, frames=[1, 2])
+    planned = hush.dry_run_sequence(small, output, frames=[1, 2])
     assert [(frame["frame"], frame["action"]) for frame in planned["frames"]] == [(1, "denoise"), (2, "denoise")]
     assert not output.exists()
     assert hush.denoise_sequence(small, output, frames=[1, 2])["written"] == 2
-    assert [frame["action"] for frame in hush.plan_sequence(small, output, frames="1-2")["frames"]] == ["skip", "skip"]
+    assert [frame["action"] for frame in hush.dry_run_sequence(small, output, frames="1-2")["frames"]] == ["skip", "skip"]
     assert hush.denoise_sequence(small, output, frames=np.arange(1, 4))["skipped"] == 2
-    again = hush.plan_sequence(small, output, frames="1-2", lam=8)["frames"]
+    again = hush.dry_run_sequence(small, output, frames="1-2", lam=8)["frames"]
     assert all(frame["action"] == "denoise" and "lambda" in frame["reason"] for frame in again)
 
 
@@ -109,7 +109,7 @@ def test_lambda_follows_the_frames(small: Path, tmp_path: Path) -> None:
 def test_inputs_come_in_many_forms(small: Path, tmp_path: Path) -> None:
     files = sorted(small.glob("*.exr"))
     for i, inputs in enumerate([str(small), small, small / "f_####.exr", str(small / "f_*.exr"), files, tuple(map(str, files))]):
-        planned = hush.plan_sequence(inputs, tmp_path / f"out{i}")
+        planned = hush.dry_run_sequence(inputs, tmp_path / f"out{i}")
         assert [Path(frame["source"]) for frame in planned["frames"]] == files
 
 
@@ -160,7 +160,7 @@ def test_inspect_tells_what_the_command_tells(command_line: Hush, small: Path) -
 )
 def test_bad_arguments_are_refused(small: Path, tmp_path: Path, change: dict[str, Any], error: type[Exception], text: str) -> None:
     arguments = {"inputs": small, "output": tmp_path / "out", **change}
-    for call in (hush.denoise_sequence, hush.plan_sequence):
+    for call in (hush.denoise_sequence, hush.dry_run_sequence):
         with pytest.raises(error) as raised:
             call(**arguments)
         assert text in str(raised.value)

@@ -49,14 +49,14 @@ def test_what_stands_beside_the_frames_holds_for_both(command_line: Hush, with_s
 
 
 def test_arguments_win_and_settings_can_be_left_out(with_settings: Path, small: Path, tmp_path: Path) -> None:
-    plan = hush.plan_sequence(with_settings, tmp_path / "a", lam=2, guides=("albedo", "normal", "vector"))["settings"]
+    plan = hush.dry_run_sequence(with_settings, tmp_path / "a", lam=2, guides=("albedo", "normal", "vector"))["settings"]
     assert (plan["lambda"], plan["window"], plan["keep_noisy"]) == (2, 1, True)
     assert plan["guides"] == ["albedo", "normal", "vector"]
-    bare = hush.plan_sequence(with_settings, tmp_path / "a", settings=False)["settings"]
-    assert bare == hush.plan_sequence(small, tmp_path / "a")["settings"]
+    bare = hush.dry_run_sequence(with_settings, tmp_path / "a", settings=False)["settings"]
+    assert bare == hush.dry_run_sequence(small, tmp_path / "a")["settings"]
     other = tmp_path / "other.toml"
     other.write_text("lambda = 3\n", encoding="utf-8")
-    assert hush.plan_sequence(with_settings, tmp_path / "a", settings=other)["settings"]["lambda"] == 3
+    assert hush.dry_run_sequence(with_settings, tmp_path / "a", settings=other)["settings"]["lambda"] == 3
 
 
 def test_stage_passes_and_rules_can_be_given(small: Path, tmp_path: Path) -> None:
@@ -64,11 +64,11 @@ def test_stage_passes_and_rules_can_be_given(small: Path, tmp_path: Path) -> Non
     stage.write_text(
         '#usda 1.0\ndef Scope "Render" {\n def RenderSettings "Settings" {\n  custom float hush:lambda = 4\n }\n}\n', encoding="utf-8"
     )
-    assert hush.plan_sequence(small, tmp_path / "a", usd=stage)["settings"]["lambda"] == 4
-    skip = hush.plan_sequence(small, tmp_path / "a", skip=("still",))["settings"]["skip"]
+    assert hush.dry_run_sequence(small, tmp_path / "a", usd=stage)["settings"]["lambda"] == 4
+    skip = hush.dry_run_sequence(small, tmp_path / "a", skip=("still",))["settings"]["skip"]
     assert skip == ["still"]
-    assert hush.plan_sequence(small, tmp_path / "a", skip="none")["settings"]["skip"] == []
-    named = hush.plan_sequence(small, tmp_path / "a", passes={"beauty": "Combined"})["settings"]
+    assert hush.dry_run_sequence(small, tmp_path / "a", skip="none")["settings"]["skip"] == []
+    named = hush.dry_run_sequence(small, tmp_path / "a", passes={"beauty": "Combined"})["settings"]
     assert named["passes.beauty"] == "Combined"
 
 
@@ -76,7 +76,7 @@ def test_a_shot_that_is_switched_off_is_refused(with_settings: Path, tmp_path: P
     (with_settings / "hush.toml").write_text("enable = false\n", encoding="utf-8")
     with pytest.raises(hush.HushError, match="switched off"):
         hush.denoise_sequence(with_settings, tmp_path / "a")
-    assert hush.plan_sequence(with_settings, tmp_path / "a", enable=True)["frames"]
+    assert hush.dry_run_sequence(with_settings, tmp_path / "a", enable=True)["frames"]
 
 
 @pytest.mark.parametrize(
@@ -93,7 +93,7 @@ def test_a_shot_that_is_switched_off_is_refused(with_settings: Path, tmp_path: P
 )
 def test_what_is_no_setting_is_refused_by_name(small: Path, tmp_path: Path, wrong: dict[str, object], error: type[Exception]) -> None:
     with pytest.raises(error, match=next(iter(wrong)) if "lamda" not in wrong else "lamda"):
-        hush.plan_sequence(small, tmp_path / "a", **wrong)  # type: ignore[arg-type]
+        hush.dry_run_sequence(small, tmp_path / "a", **wrong)  # type: ignore[arg-type]
 
 
 def test_the_check_says_what_the_run_would_do(command_line: Hush, with_settings: Path, tmp_path: Path) -> None:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import importlib
 from pathlib import Path
 
 import bpy
 import kit
 
-check = importlib.import_module(f"{kit.MODULE}.check")
+check = kit.module("checks.check")
 
 
 def found(scene: bpy.types.Scene) -> dict[str, str]:
@@ -146,7 +145,7 @@ def test_lambda_that_leaves_its_range() -> None:
     for frame, value in ((1, 40.0), (3, 64.0), (5, 40.0)):
         scene.hush.lam = value
         scene.keyframe_insert("hush.lam", frame=frame)
-    curve = next(iter(importlib.import_module(f"{kit.MODULE}.compat").fcurves(scene)))
+    curve = next(iter(kit.module("compat").fcurves(scene)))
     for point in curve.keyframe_points:
         point.co.y *= 2
     curve.update()
@@ -166,7 +165,7 @@ def test_the_disk_is_not_asked_all_the_time() -> None:
 
 def test_a_full_disk_is_foreseen() -> None:
     scene, _ = shot_scene()
-    shutil = importlib.import_module(f"{kit.MODULE}.check_files").shutil
+    shutil = kit.module("checks.files").shutil
     real = shutil.disk_usage
     shutil.disk_usage = lambda path: real(path)._replace(free=1000)
     try:
@@ -207,7 +206,7 @@ def test_frames_out_of_date_are_listed_with_their_reasons() -> None:
 
     scene, frames = shot_scene()
     assert "stale" not in found(scene)
-    hush.denoise_sequence(**importlib.import_module(f"{kit.MODULE}.shot").sequences(scene)[0])
+    hush.denoise_sequence(**kit.module("shot").sequences(scene)[0])
     assert "stale" not in found(scene)
     kit.rewrite(frames / "frame_0001.exr", lambda name, pixels: pixels * 2 if ".Combined." in name else pixels)
     texts = [problem.text for problem in check.problems(scene, fresh=True) if problem.key == "stale"]

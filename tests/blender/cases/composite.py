@@ -16,7 +16,6 @@ from composites import (
     compat,
     composite,
     denoised_scene,
-    ended,
     plain,
     refused,
     tree_of,
@@ -166,7 +165,7 @@ def test_a_pass_that_the_files_lack_is_told() -> None:
     scene.view_layers[0].use_pass_mist = True
     tree, layers, result = tree_of(scene)
     tree.links.new(layers.outputs["Mist"], result)
-    state, reports = composite.outcome(ended(composite.start(scene)))
+    state, reports = composite.outcome(kit.ended(composite.start(scene)))
     assert state == "FINISHED" and any("Mist" in text for _, text in reports), reports
     assert layers.outputs["Mist"].is_linked and result.links[0].from_node == layers
 

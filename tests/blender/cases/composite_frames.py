@@ -11,9 +11,8 @@ from composites import (
     combined,
     compat,
     composite,
-    composite_plan,
+    contents,
     denoised_scene,
-    ended,
     plain,
     refused,
     rendered_again,
@@ -67,14 +66,14 @@ def test_frames_that_are_not_current_are_refused() -> None:
 def test_a_frame_that_changes_before_its_turn_is_refused() -> None:
     scene, folder = denoised_scene("changing")
     tree_of(scene, node=True)
-    plan = composite_plan.make(scene, allow_stale=False)
-    assert len(plan.work["frames"]) == 3
-    real, composite_plan.make = composite_plan.make, lambda *_, **__: plan
+    made = contents.make(scene, allow_stale=False)
+    assert len(made.work["frames"]) == 3
+    real, contents.make = contents.make, lambda *_, **__: made
     try:
         (folder / "denoised" / "frame_0003.exr").unlink()
         refused("Frame 3 is not denoised", "2 of 3")
     finally:
-        composite_plan.make = real
+        contents.make = real
 
 
 def test_stale_frames_where_they_are_allowed() -> None:
@@ -86,7 +85,7 @@ def test_stale_frames_where_they_are_allowed() -> None:
         rendered_again(folder, "frame_0002.exr")
         (folder / "denoised" / "frame_0003.exr").unlink()
         running = composite.start(scene, allow_stale=True)
-        result, reports = composite.outcome(ended(running))
+        result, reports = composite.outcome(kit.ended(running))
         assert result == "FINISHED", reports
         told = " ".join(text for level, text in reports if level == "WARNING")
         assert "Frame 2 is out of date" in told and "old denoised image" in told and "Frame 3 is not denoised" in told, reports

@@ -9,7 +9,7 @@ import kit
 from composites import (
     HALF,
     combined,
-    composite_plan,
+    contents,
     denoised_scene,
     plain,
     refused,
@@ -76,12 +76,12 @@ def test_the_node_of_the_first_form_is_replaced_too() -> None:
 
 def test_a_node_that_only_the_other_process_does_not_know_is_refused() -> None:
     folder = with_own_class("stranger", "StrangersNode", "Stranger")
-    plan = composite_plan.make(bpy.context.scene, allow_stale=False)
-    assert [each.split(" › ")[1] for each in plan.work["undefined"]] == ["Stranger"]
-    plan.work["undefined"] = []
-    real, composite_plan.make = composite_plan.make, lambda *_, **__: plan
+    made = contents.make(bpy.context.scene, allow_stale=False)
+    assert [each.split(" › ")[1] for each in made.work["undefined"]] == ["Stranger"]
+    made.work["undefined"] = []
+    real, contents.make = contents.make, lambda *_, **__: made
     try:
         refused("Stranger", "add-on")
     finally:
-        composite_plan.make = real
+        contents.make = real
     assert not (folder / "composited").exists()

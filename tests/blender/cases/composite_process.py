@@ -19,7 +19,6 @@ from composites import (
     combined,
     composite,
     denoised_scene,
-    ended,
     job,
     plain,
     refused,
@@ -47,7 +46,7 @@ def test_a_process_that_is_killed_is_told() -> None:
     running = composite.start(scene)
     assert not bpy.ops.hush.composite_shot.poll() and not bpy.ops.hush.denoise_shot.poll()
     os.kill(running._process.pid, signal.SIGKILL)
-    result, reports = composite.outcome(ended(running))
+    result, reports = composite.outcome(kit.ended(running))
     assert result == "CANCELLED" and reports[-1][0] == "ERROR" and "killed" in reports[-1][1], reports
     assert not list(Path(bpy.app.tempdir).glob("hush-composite-*")) and not list((folder).glob("composited/.hush*"))
     assert not fingerprint.changes(before, fingerprint.take())
@@ -63,7 +62,7 @@ def test_the_process_ends_with_blender() -> None:
         f"""
 import importlib, os, sys, bpy
 bpy.ops.wm.open_mainfile(filepath=sys.argv[1])
-running = importlib.import_module("{kit.MODULE}.composite").start(bpy.data.scenes["Scene"])
+running = importlib.import_module("{kit.MODULE}.compositing.composite").start(bpy.data.scenes["Scene"])
 print("worker", running._process.pid, running._blend, flush=True)
 os._exit(0)
 """,
@@ -177,7 +176,7 @@ def test_another_file_may_be_opened_or_the_scene_removed_meanwhile() -> None:
     running = composite.start(scene)
     scene.name = "Renamed"
     bpy.ops.wm.read_homefile(use_empty=True)
-    result, reports = composite.outcome(ended(running))
+    result, reports = composite.outcome(kit.ended(running))
     assert result == "FINISHED" and len(kit.files(folder / "composited")) == 3, reports
     scene, folder = denoised_scene("closed")
     tree_of(scene, node=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 import os
 import shutil
@@ -15,8 +14,8 @@ import bpy
 import kit
 import numpy as np
 
-denoise = importlib.import_module(f"{kit.MODULE}.denoise")
-job = importlib.import_module(f"{kit.MODULE}.job")
+denoise = kit.module("denoising.denoise")
+job = kit.module("jobs.job")
 TIME_LIMIT = 900.0
 NAMES = [f"frame_{frame:04d}.exr" for frame in kit.FRAMES]
 
@@ -51,13 +50,8 @@ def helped(entry: dict) -> list[int]:
 
 
 def refused(words: str, **arguments: object) -> None:
-    """Runs Denoise Shot, which must report an error with these words."""
-    try:
-        bpy.ops.hush.denoise_shot(**arguments)
-    except RuntimeError as error:
-        assert words in str(error), error
-    else:
-        raise AssertionError(f"was not refused, should say {words!r}")
+    """Denoise Shot must report an error with these words, and start nothing."""
+    kit.refused(bpy.ops.hush.denoise_shot, words, **arguments)
     assert job.current() is None
 
 
@@ -76,12 +70,14 @@ def wait_for_frames(running: object, count: int) -> None:
         time.sleep(0.005)
 
 
-def wait_for_end(running: object) -> None:
-    until = time.monotonic() + 60
-    while not running.ended:
-        assert time.monotonic() < until, "the worker did not end"
-        running.poll()
-        time.sleep(0.01)
+def blurred_shot(name: str) -> tuple[bpy.types.Scene, Path]:
+    """A scene with motion blur as Prepare Shot leaves it, its three frames rendered into the folder."""
+    scene = kit.build_scene("blur", kit.folder(name))
+    scene.view_layers.remove(scene.view_layers["Vectors"])
+    assert bpy.ops.hush.prepare_shot() == {"FINISHED"}
+    scene.frame_end = 3
+    bpy.ops.render.render(animation=True)
+    return scene, Path(scene.render.filepath).parent
 
 
 def test_a_shot_is_denoised() -> None:
@@ -103,7 +99,7 @@ def test_keyframes_of_lambda_reach_the_files() -> None:
     for frame, value in ((1, 2.0), (5, 10.0)):
         scene.hush.lam = value
         scene.keyframe_insert("hush.lam", frame=frame)
-    compat = importlib.import_module(f"{kit.MODULE}.compat")
+    compat = kit.module("compat")
     for curve in compat.fcurves(scene):
         for point in curve.keyframe_points:
             point.interpolation = "LINEAR"
@@ -189,7 +185,7 @@ def test_stopped_half_way_and_continued() -> None:
     wait_for_frames(running, 2)
     assert denoise.progress(scene) is not None and 0 < running.fraction < 1
     running.cancel()
-    wait_for_end(running)
+    kit.ended(running)
     assert denoise.outcome(running)[0] == "CANCELLED"
     assert "stopped" in denoise.outcome(running)[1][-1][1]
     made = images(frames / "denoised")
@@ -209,7 +205,7 @@ def test_a_worker_that_is_killed_is_told() -> None:
     running = denoise.start(scene)
     wait_for_frames(running, 1)
     os.kill(running._process.pid, signal.SIGKILL)
-    wait_for_end(running)
+    kit.ended(running)
     result, reports = denoise.outcome(running)
     assert result == "CANCELLED" and reports[-1][0] == "ERROR" and "killed" in reports[-1][1], reports
     assert bpy.ops.hush.denoise_shot() == {"FINISHED"}
@@ -224,7 +220,7 @@ def test_the_worker_ends_with_blender() -> None:
         f"""
 import importlib, os, sys, bpy
 bpy.ops.wm.open_mainfile(filepath=sys.argv[1])
-denoise = importlib.import_module("{kit.MODULE}.denoise")
+denoise = importlib.import_module("{kit.MODULE}.denoising.denoise")
 running = denoise.start(bpy.data.scenes["Scene"])
 print("worker", running._process.pid, flush=True)
 os._exit(0)
@@ -248,12 +244,7 @@ def test_switching_the_extension_off_stops_the_worker() -> None:
 
 
 def test_motion_blur_takes_the_vectors_of_the_other_layer() -> None:
-    scene = kit.build_scene("blur", kit.folder("blurred"))
-    scene.view_layers.remove(scene.view_layers["Vectors"])
-    assert bpy.ops.hush.prepare_shot() == {"FINISHED"}
-    scene.frame_end = 3
-    bpy.ops.render.render(animation=True)
-    frames = Path(scene.render.filepath).parent
+    _, frames = blurred_shot("blurred")
     moving = kit.layer(frames / "frame_0002.exr", "Hush Vectors.Vector", "XYZW")
     empty = kit.layer(frames / "frame_0002.exr", "ViewLayer.Vector", "XYZW")
     assert np.abs(moving).max() > 0.5 and np.abs(empty).max() == 0
@@ -268,12 +259,7 @@ def test_motion_blur_takes_the_vectors_of_the_other_layer() -> None:
 
 def test_after_undo_prepare_the_files_still_give_the_vectors() -> None:
     """Bug 5: the good frames were overwritten without motion vectors, as the scene had the layer no more."""
-    scene = kit.build_scene("blur", kit.folder("undone"))
-    scene.view_layers.remove(scene.view_layers["Vectors"])
-    assert bpy.ops.hush.prepare_shot() == {"FINISHED"}
-    scene.frame_end = 3
-    bpy.ops.render.render(animation=True)
-    frames = Path(scene.render.filepath).parent
+    scene, frames = blurred_shot("undone")
     assert bpy.ops.hush.denoise_shot() == {"FINISHED"}
     before = {name: (frames / "denoised" / name).stat().st_mtime_ns for name in images(frames / "denoised")}
     assert bpy.ops.hush.undo_prepare() == {"FINISHED"}
@@ -285,7 +271,7 @@ def test_after_undo_prepare_the_files_still_give_the_vectors() -> None:
     assert entry["settings"]["vector_layer"] == "Hush Vectors" and helped(entry) == [1, 3]
     # A layer of that name without the record of Prepare Shot, as in a copy of the scene.
     scene.view_layers.new("Hush Vectors")
-    settings, _ = importlib.import_module(f"{kit.MODULE}.shot").settings(scene, frames / "frame_0001.exr")
+    settings, _ = kit.module("shot").settings(scene, frames / "frame_0001.exr")
     assert settings["layers"] == ["ViewLayer"] and settings["vector_layer"] == "Hush Vectors", settings
 
 
@@ -380,7 +366,7 @@ class Window:
         """The operator's own functions on an object that is not Blender's."""
         kind = denoise.HUSH_OT_denoise_shot
         fake = SimpleNamespace(input_filepath="", output_filepath="", overwrite=False, scene="", _timer=object())
-        for name in ("_begin", "_show", "_hide", "_finish", "_outcome", "_ended", "modal", "cancel"):
+        for name in ("scene_of", "_begin", "_start", "_show", "_hide", "_finish", "_outcome", "_ended", "modal", "cancel"):
             setattr(fake, name, MethodType(getattr(kind, name), fake))
         fake.report = lambda level, text: self.reports.append((*level, text))
         return fake

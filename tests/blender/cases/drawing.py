@@ -50,7 +50,7 @@ def draw() -> str:
     """Draws all panels; returns what they show."""
     seen: list[str] = []
     context = SimpleNamespace(scene=bpy.context.scene, region=SimpleNamespace(width=400), preferences=bpy.context.preferences)
-    panel = frames.module("panel")
+    panel = kit.module("panel")
     for name in ("RENDER_PT_hush", "RENDER_PT_hush_settings", "RENDER_PT_hush_folders", "NODE_PT_hush"):
         getattr(panel, name).draw(SimpleNamespace(layout=Layout(seen)), context)
     return "\n".join(seen)
@@ -58,9 +58,9 @@ def draw() -> str:
 
 def look(scene: bpy.types.Scene) -> None:
     """What the timer does in a window."""
-    refresh = frames.module("refresh")
-    frames.module("status").shot_status(scene)
-    refresh._problems[scene.session_uid] = frames.module("check").problems(scene, fresh=True)
+    refresh = kit.module("refresh")
+    kit.module("status").shot_status(scene)
+    refresh._problems[scene.session_uid] = kit.module("checks.check").problems(scene, fresh=True)
 
 
 def test_before_anything_is_known() -> None:
@@ -94,22 +94,22 @@ def test_the_node_tells_why_it_passes_the_image() -> None:
     scene, _ = frames.scene_with_node(shot)
     frames.denoise(scene, [1])
     scene.frame_set(1)
-    frames.module("node").sync(scene)
+    kit.module("nodes.node").sync(scene)
     assert "passes through" not in draw()
     scene.frame_set(2)
-    frames.module("node").sync(scene)
+    kit.module("nodes.node").sync(scene)
     assert draw().replace("\n", " ").count("this frame is not denoised yet; press Denoise Shot") == 2
     scene.frame_set(1)
     scene.render.resolution_percentage = 50
-    frames.module("node").sync(scene)
+    kit.module("nodes.node").sync(scene)
     shown = draw().replace("\n", " ")
     assert "96 × 54" in shown and "48 × 27" in shown
 
 
 def test_a_node_of_an_earlier_hush_can_be_replaced_from_the_panels() -> None:
     scene = kit.build_scene()
-    tree = frames.module("compat").ensure_compositor_tree(scene)
-    node = frames.module("node").new(tree)
+    tree = kit.module("compat").ensure_compositor_tree(scene)
+    node = kit.module("nodes.node").new(tree)
     node.node_tree.animation_data_clear()
     look(scene)
     assert draw().count("operator hush.fix") == 2
@@ -134,7 +134,7 @@ def test_paths_that_cannot_be_used() -> None:
 
 
 def test_the_sidebar_is_beside_the_compositor_only() -> None:
-    panel = frames.module("panel").NODE_PT_hush
+    panel = kit.module("panel").NODE_PT_hush
     for kind, there in (("CompositorNodeTree", True), ("ShaderNodeTree", False)):
         assert panel.poll(SimpleNamespace(space_data=SimpleNamespace(tree_type=kind))) == there
     assert (panel.bl_space_type, panel.bl_region_type, panel.bl_category) == ("NODE_EDITOR", "UI", "Hush")

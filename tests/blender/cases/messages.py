@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
 import re
 import string
 from pathlib import Path
 
 import kit
 
-messages = importlib.import_module(f"{kit.MODULE}.messages")
-SOURCES = sorted(Path(messages.__file__).parent.glob("*.py"))
+messages = kit.module("messages")
+SOURCES = sorted(Path(messages.__file__).parent.rglob("*.py"))
 # A file beside the frames that artists do not know, options of the command line, and numbers of errors.
 FORBIDDEN = re.compile(r"--|\bpass -|\bpass --|hush\.toml|hush\.json|\[Errno|os error|None\b|==|####\.exr|layers all")
 
@@ -57,8 +56,7 @@ def test_every_message_is_used_and_there() -> None:
 def test_no_report_has_words_of_its_own() -> None:
     """Nothing is told to artists but from the table."""
     others = {"build.py", "worker.py"}
-    errors = "Shot|Prepare|Status|Denoise|Job|Composite|Preview"
-    own = re.compile(rf"""(report\(\{{[^}}]*\}}, |({errors})Error\(|label\(text=)f?"[A-Za-z{{]""")
+    own = re.compile(r"""(report\(\{[^}]*\}, |Refusal\(|label\(text=)f?"[A-Za-z{]""")
     for path in SOURCES:
         if path.name not in others:
             found = own.search(path.read_text(encoding="utf-8"))
@@ -67,7 +65,7 @@ def test_no_report_has_words_of_its_own() -> None:
 
 def test_problems_name_a_button_or_a_field() -> None:
     """Where Check Shot finds something, its words say what to do about it."""
-    scene, files = (importlib.import_module(f"{kit.MODULE}.{name}") for name in ("check_scene", "check_files"))
+    scene, files = (kit.module(name) for name in ("checks.scene", "checks.files"))
     code = "".join(Path(module.__file__).read_text(encoding="utf-8") for module in (scene, files))
     keys = re.findall(r"""problem\(\s*"\w+",\s*"(\w+)\"""", code)
     assert len(keys) > 25, keys

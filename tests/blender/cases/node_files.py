@@ -75,7 +75,7 @@ def test_saving_takes_it_off_and_puts_it_back() -> None:
     shot, scene, _ = saved("back")
     frames.shown(scene, 2)
     (tree,) = trees()
-    node = frames.module("node")
+    node = kit.module("nodes.node")
     before = node.suspend()
     assert before and not node.is_on(tree)
     with frames.without_handlers():
@@ -95,13 +95,13 @@ def test_a_file_that_blender_saved_by_itself() -> None:
         frames.assert_incoming(image)
     with frames.without_handlers("load_post"):
         bpy.ops.wm.open_mainfile(filepath=str(blend))
-    assert frames.module("node").is_on(trees()[0]), "the file should have been saved with a frame"
+    assert kit.module("nodes.node").is_on(trees()[0]), "the file should have been saved with a frame"
     frames.assert_incoming(frames.render(bpy.context.scene, 2, kit.folder("out")))
     frames.shown(bpy.context.scene, 2)
     with frames.without_handlers():
         bpy.ops.wm.save_as_mainfile(filepath=str(blend))
     bpy.ops.wm.open_mainfile(filepath=str(blend))
-    assert not frames.module("node").is_on(trees()[0]), "opening the file should have taken it off"
+    assert not kit.module("nodes.node").is_on(trees()[0]), "opening the file should have taken it off"
 
 
 def test_moved_with_its_frames() -> None:
@@ -147,15 +147,15 @@ def test_saved_opened_and_purged_ten_times() -> None:
 def test_copies() -> None:
     """A copied node shares the tree; a copied tree is one of its own; copied scenes show their frames."""
     shot, scene, _ = saved("copied")
-    (node,) = frames.module("node").nodes(scene)
+    (node,) = kit.module("nodes.node").nodes(scene)
     copy = node.id_data.nodes.new("CompositorNodeGroup")
     copy.node_tree = node.node_tree
-    assert len(list(frames.module("node").nodes(scene))) == 2 and len(frames.module("node").trees(scene)) == 1
+    assert len(list(kit.module("nodes.node").nodes(scene))) == 2 and len(kit.module("nodes.node").trees(scene)) == 1
     frames.assert_same(frames.shown(scene, 2), frames.denoised(shot, 2), "shared")
     node.node_tree = node.node_tree.copy()
-    assert len(frames.module("node").trees(scene)) == 2
+    assert len(kit.module("nodes.node").trees(scene)) == 2
     assert bpy.ops.hush.fix(key="node", scene=scene.name) == {"FINISHED"}
-    assert all(frames.module("inside").is_sound(tree) for tree in frames.module("node").trees(scene))
+    assert all(kit.module("nodes.inside").is_sound(tree) for tree in kit.module("nodes.node").trees(scene))
     frames.assert_same(frames.shown(scene, 1), frames.denoised(shot, 1), "copied")
     frames.assert_same(frames.shown(scene, 2), frames.denoised(shot, 2), "copied, another frame")
     for kind in ("LINK_COPY", "FULL_COPY"):
@@ -168,7 +168,7 @@ def test_copies() -> None:
 
 def test_deleted_it_is_gone_after_saving() -> None:
     _, scene, blend = saved("deleted")
-    (node,) = frames.module("node").nodes(scene)
+    (node,) = kit.module("nodes.node").nodes(scene)
     node.id_data.nodes.remove(node)
     bpy.ops.wm.save_mainfile()
     bpy.ops.wm.open_mainfile(filepath=str(blend))
@@ -183,9 +183,9 @@ def test_appended() -> None:
         with bpy.data.libraries.load(str(blend), link=False) as (there, here):
             setattr(here, kind, [name for name in getattr(there, kind) if kind == "scenes" or name.startswith("Temporal")])
         (tree,) = trees()
-        assert frames.module("inside").is_sound(tree) and not frames.module("node").is_on(tree), kind
+        assert kit.module("nodes.inside").is_sound(tree) and not kit.module("nodes.node").is_on(tree), kind
         if kind == "scenes":
-            scene = next(scene for scene in bpy.data.scenes if frames.module("node").trees(scene))
+            scene = next(scene for scene in bpy.data.scenes if kit.module("nodes.node").trees(scene))
             scene.hush.input_folder = str(shot)
             bpy.context.window.scene = scene
             frames.assert_same(frames.shown(scene, 2), frames.denoised(shot, 2), kind)
@@ -200,12 +200,12 @@ def test_linked_it_passes_through_and_is_left_alone() -> None:
         here.scenes = there.scenes
     linked = next(scene for scene in bpy.data.scenes if scene.library)
     linked_frame = linked.frame_current
-    node = frames.module("node")
+    node = kit.module("nodes.node")
     node.sync(linked)
     (tree,) = node.trees(linked)
     assert not node.is_on(tree) and "is linked from" in node.why_off(tree)
-    assert frames.module("status").shot_status(linked).total == 5
-    assert frames.module("shot").output_folder(linked) == shot / "denoised"
+    assert kit.module("status").shot_status(linked).total == 5
+    assert kit.module("shot").output_folder(linked) == shot / "denoised"
     assert linked.frame_current == linked_frame
     node.suspend()
     bpy.ops.wm.save_as_mainfile(filepath=str(kit.folder("links") / "links.blend"))
@@ -214,12 +214,12 @@ def test_linked_it_passes_through_and_is_left_alone() -> None:
     with bpy.data.libraries.load(str(blend), link=True) as (there, here):
         here.node_groups = [name for name in there.node_groups if name.startswith("Temporal")]
     scene = bpy.context.scene
-    parent = frames.module("compat").ensure_compositor_tree(scene)
+    parent = kit.module("compat").ensure_compositor_tree(scene)
     user = parent.nodes.new("CompositorNodeGroup")
     (user.node_tree,) = trees()
     node.sync(scene)
     assert "is linked from" in node.why_off(user.node_tree)
-    assert not any(problem.key == "node" for problem in frames.module("check").problems(scene, fresh=True))
+    assert not any(problem.key == "node" for problem in kit.module("checks.check").problems(scene, fresh=True))
 
 
 def test_switched_off_it_passes_through() -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 
 def output(scene: bpy.types.Scene) -> bpy.types.NodeSocket:
-    compat = frames.module("compat")
+    compat = kit.module("compat")
     return compat.output_node(compat.compositor_tree(scene)).inputs[0]
 
 
@@ -35,7 +35,7 @@ def copied(scene: bpy.types.Scene, shot: Path) -> bpy.types.Scene:
 def test_each_node_has_a_tree_and_an_image_of_its_own() -> None:
     shot = kit.copy_of_shot("several")
     scene, first = frames.scene_with_node(shot)
-    second = frames.module("node").new(first.id_data)
+    second = kit.module("nodes.node").new(first.id_data)
     frames.put_in(scene, second)
     images = [node.node_tree.nodes["Denoised Frame"].image for node in (first, second)]
     assert first.node_tree != second.node_tree and images[0] != images[1]
@@ -49,11 +49,11 @@ def test_scenes_with_their_own_nodes() -> None:
     two = copied(one, shots[1])
     if frames.BLENDER_5:
         two.compositing_node_group = one.compositing_node_group.copy()
-    (copy,) = frames.module("node").nodes(two)
+    (copy,) = kit.module("nodes.node").nodes(two)
     copy.node_tree = node.node_tree.copy()
     # The image is shared at first, and one image cannot show two frames.
     frames.assert_incoming(frames.shown(two, 2), "copied")
-    (problem,) = (each for each in frames.module("check").problems(two, fresh=True) if each.key == "node")
+    (problem,) = (each for each in kit.module("checks.check").problems(two, fresh=True) if each.key == "node")
     assert bpy.ops.hush.fix(**problem.fix[1]) == {"FINISHED"}
     for scene, shot in ((one, shots[0]), (two, shots[1]), (one, shots[0])):
         frames.assert_same(frames.shown(scene, 2), frames.denoised(shot, 2), scene.name)
@@ -62,7 +62,7 @@ def test_scenes_with_their_own_nodes() -> None:
 def test_scenes_that_share_a_node() -> None:
     """The same frames: shown in both. Other frames: passed through, until the node is told whose."""
     shots, one, node = two_shots("shared")
-    module, tree = frames.module("node"), node.node_tree
+    module, tree = kit.module("nodes.node"), node.node_tree
     two = copied(one, shots[0])
     for scene in (one, two):
         frames.assert_same(frames.shown(scene, 2), frames.denoised(shots[0], 2), scene.name)
@@ -79,7 +79,7 @@ def test_scenes_that_share_a_node() -> None:
     one.frame_set(2)
     two.frame_set(3)
     module.sync(one, two)
-    assert frames.module("inside").shown_frame(tree) == 2
+    assert kit.module("nodes.inside").shown_frame(tree) == 2
 
 
 def test_a_node_inside_a_group() -> None:
@@ -93,7 +93,7 @@ def test_a_node_inside_a_group() -> None:
     group.links.new(group.nodes.new("NodeGroupInput").outputs[0], inner.inputs[0])
     group.links.new(inner.outputs[0], group.nodes.new("NodeGroupOutput").inputs[0])
     node.node_tree = group
-    assert list(frames.module("node").nodes(scene)) == [inner]
+    assert list(kit.module("nodes.node").nodes(scene)) == [inner]
     frames.denoise(scene)
     frames.assert_same(frames.shown(scene, 2), frames.denoised(shot, 2), "in a group")
     frames.assert_incoming(frames.render(scene, 2, kit.folder("out")), "in a group, rendered")
@@ -105,8 +105,8 @@ def test_a_scene_for_compositing_only() -> None:
     frames.denoise(rendered)
     comp = bpy.data.scenes.new("Comp")
     comp.render.resolution_x, comp.render.resolution_y = 96, 54
-    tree = frames.module("compat").ensure_compositor_tree(comp)
-    shown = frames.module("node").new(tree)
+    tree = kit.module("compat").ensure_compositor_tree(comp)
+    shown = kit.module("nodes.node").new(tree)
     shown.node_tree.hush.scene = rendered
     frames.put_in(comp, shown)
     tree.links.new(shown.outputs[0], output(comp))
@@ -126,7 +126,7 @@ def test_view_layers() -> None:
     kit.assert_differs(frames.denoised(shot, 2, "Vectors"), frames.denoised(shot, 2, scene.view_layers[0].name), 1e-4)
     tree.hush.view_layer = "No Such Layer"
     frames.assert_incoming(frames.shown(scene, 2), "a view layer that the files lack")
-    assert "No Such Layer" in frames.module("node").why_off(tree)
+    assert "No Such Layer" in kit.module("nodes.node").why_off(tree)
 
 
 def test_stereo_passes_through() -> None:
@@ -135,21 +135,21 @@ def test_stereo_passes_through() -> None:
     frames.denoise(scene)
     frames.assert_same(frames.shown(scene, 2), frames.denoised(shot, 2), "without stereo")
     scene.render.use_multiview = True
-    frames.module("node").sync(scene)
-    assert not frames.module("node").is_on(node.node_tree)
-    assert "Composite Denoised" in frames.module("node").why_off(node.node_tree)
+    kit.module("nodes.node").sync(scene)
+    assert not kit.module("nodes.node").is_on(node.node_tree)
+    assert "Composite Denoised" in kit.module("nodes.node").why_off(node.node_tree)
 
 
 def test_the_node_goes_between_what_was_linked() -> None:
     """Everything that took the rendered image takes the node's; a second time there is nothing to do."""
     scene = kit.build_scene()
-    tree = frames.module("compat").ensure_compositor_tree(scene)
+    tree = kit.module("compat").ensure_compositor_tree(scene)
     viewer = tree.nodes.new("CompositorNodeViewer")
     (layers,) = (node for node in tree.nodes if node.bl_idname == "CompositorNodeRLayers")
     tree.links.new(layers.outputs["Image"], viewer.inputs[0])
     before = {link.to_node for link in layers.outputs["Image"].links}
     assert bpy.ops.hush.add_node() == {"FINISHED"}
-    (node,) = frames.module("node").nodes(scene)
+    (node,) = kit.module("nodes.node").nodes(scene)
     assert viewer in before and node.inputs[0].links[0].from_socket == layers.outputs["Image"]
     assert {link.to_node for link in node.outputs[0].links} == before
     assert {link.to_node for link in layers.outputs["Image"].links} == {node}

@@ -59,7 +59,7 @@ def opened(name: str, other: str = "") -> bpy.types.Scene:
 
 
 def found(scene: bpy.types.Scene) -> list[object]:
-    return [problem for problem in frames.module("check").problems(scene, fresh=True) if problem.key == "node"]
+    return [problem for problem in kit.module("checks.check").problems(scene, fresh=True) if problem.key == "node"]
 
 
 def test_it_is_found_and_replaced() -> None:
@@ -67,11 +67,11 @@ def test_it_is_found_and_replaced() -> None:
     for name in ("", "A Name of the Artist's"):
         scene = opened(name)
         scene.hush.input_folder = str(shot)
-        assert not list(frames.module("node").nodes(scene))
+        assert not list(kit.module("nodes.node").nodes(scene))
         (problem,) = found(scene)
         assert "earlier Hush" in problem.text and problem.fix
         assert bpy.ops.hush.fix(**problem.fix[1]) == {"FINISHED"}
-        (node,) = frames.module("node").nodes(scene)
+        (node,) = kit.module("nodes.node").nodes(scene)
         assert found(scene) == []
         assert node.name == (name or "Temporal Denoise")
         assert node.node_tree.hush.scene == scene and node.node_tree.hush.view_layer == "ViewLayer"
@@ -85,5 +85,5 @@ def test_it_is_found_and_replaced() -> None:
 
 def test_unknown_nodes_of_others_are_left_alone() -> None:
     scene = opened("", "with a mask")
-    assert any(node.bl_idname == "NodeUndefined" for node in frames.module("compat").compositor_tree(scene).nodes)
+    assert any(node.bl_idname == "NodeUndefined" for node in kit.module("compat").compositor_tree(scene).nodes)
     assert found(scene) == []

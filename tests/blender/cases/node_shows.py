@@ -22,7 +22,7 @@ def test_the_denoised_pixels_come_out() -> None:
     shot, scene, tree = prepared("pixels")
     for frame in (1, 4, 2, 2):
         frames.assert_same(frames.shown(scene, frame), frames.denoised(shot, frame), f"frame {frame}")
-    assert frames.module("node").is_on(tree)
+    assert kit.module("nodes.node").is_on(tree)
 
 
 def test_transparent_pixels_come_out() -> None:
@@ -48,14 +48,14 @@ def test_it_is_off_until_it_is_asked() -> None:
     scene.frame_set(2)
     with frames.without_handlers():
         frames.assert_incoming(frames.render(scene, 2, kit.folder("out")))
-    assert not frames.module("node").is_on(tree)
+    assert not kit.module("nodes.node").is_on(tree)
 
 
 def test_it_is_on_at_that_frame_only() -> None:
     """Whatever changes the frame without asking Hush sees the incoming image."""
     shot, scene, _ = prepared("frames")
     scene.frame_set(3)
-    frames.module("node").sync(scene)
+    kit.module("nodes.node").sync(scene)
     with frames.without_handlers():
         frames.assert_incoming(frames.render(scene, 2, kit.folder("out")), "frame 2")
         frames.assert_incoming(frames.render(scene, 4, kit.folder("out")), "frame 4")
@@ -72,11 +72,11 @@ def test_renders_pass_through() -> None:
         for frame in (3, 2):
             frames.assert_same(frames.shown(scene, frame), frames.denoised(shot, frame), f"frame {frame}")
             frames.assert_incoming(frames.render(scene, frame, kit.folder("out")), f"F12 of frame {frame}")
-            assert not frames.module("node").is_on(tree)
+            assert not kit.module("nodes.node").is_on(tree)
         frames.shown(scene, 2)
         out = kit.folder("film")
         settings = scene.render.image_settings
-        frames.module("compat").use_image_format(settings, "OPEN_EXR")
+        kit.module("compat").use_image_format(settings, "OPEN_EXR")
         settings.color_depth, settings.color_mode = "32", "RGBA"
         scene.render.filepath = str(out / "film_")
         bpy.ops.render.render(animation=True)
@@ -111,16 +111,16 @@ def test_nothing_is_written_where_nothing_changed() -> None:
     """Asked again the node is left alone, so Blender does not composite again."""
     shot, scene, tree = prepared("still")
     frames.shown(scene, 2)
-    module = frames.module("inside")
+    module = kit.module("nodes.inside")
     told: list[str] = []
     before = module._set_chosen, module._load
     module._set_chosen = lambda *_: told.append("switch")
     module._load = lambda *_: told.append("load")
     try:
-        frames.module("node").sync(scene)
+        kit.module("nodes.node").sync(scene)
         assert told == [], told
         scene.frame_set(3)
-        frames.module("node").sync(scene)
+        kit.module("nodes.node").sync(scene)
         assert told == ["load", "switch"], told
     finally:
         module._set_chosen, module._load = before
@@ -139,7 +139,7 @@ def test_a_file_that_vanishes() -> None:
     frames.shown(scene, 2)
     (shot / "denoised" / "frame_0002.exr").unlink()
     frames.assert_incoming(frames.shown(scene, 2))
-    assert "not denoised yet" in frames.module("node").why_off(tree)
+    assert "not denoised yet" in kit.module("nodes.node").why_off(tree)
     frames.denoise(scene)
     frames.assert_same(frames.shown(scene, 2), frames.denoised(shot, 2), "frame 2")
 
@@ -164,7 +164,7 @@ def test_no_data_block_is_added_or_removed() -> None:
 
 def test_a_damaged_inside_passes_through_and_is_mended() -> None:
     shot, scene, tree = prepared("damaged")
-    node, check = frames.module("node"), frames.module("check")
+    node, check = kit.module("nodes.node"), kit.module("checks.check")
     spoil = {
         "no driver": lambda: tree.animation_data_clear(),
         "no image": lambda: setattr(tree.nodes["Denoised Frame"], "image", None),

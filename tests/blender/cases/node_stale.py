@@ -46,12 +46,12 @@ def test_inputs_that_change() -> None:
         shot, scene, tree = prepared("changed")
         change(shot)
         frames.assert_incoming(frames.shown(scene, 3), what)
-        why = frames.module("node").why_off(tree)
+        why = kit.module("nodes.node").why_off(tree)
         assert words in why or words == "damaged" and "changed" in why, (what, why)
-        told = {problem.text for problem in frames.module("check").problems(scene, fresh=True) if problem.key == "stale"}
+        told = {problem.text for problem in kit.module("checks.check").problems(scene, fresh=True) if problem.key == "stale"}
         assert any("3" in text and "Denoise Shot" in text for text in told), (what, told)
-        frames.module("status").forget()
-        assert frames.module("status").shot_status(scene).done < 5
+        kit.module("status").forget()
+        assert kit.module("status").shot_status(scene).done < 5
 
 
 def test_settings_that_change() -> None:
@@ -66,7 +66,7 @@ def test_settings_that_change() -> None:
         before = getattr(scene.hush, name)
         setattr(scene.hush, name, value)
         frames.assert_incoming(frames.shown(scene, 3), name)
-        assert words in frames.module("node").why_off(tree), (name, frames.module("node").why_off(tree))
+        assert words in kit.module("nodes.node").why_off(tree), (name, kit.module("nodes.node").why_off(tree))
         setattr(scene.hush, name, before)
         frames.assert_same(frames.shown(scene, 3), frames.denoised(shot, 3), f"{name} put back")
 
@@ -94,31 +94,31 @@ def test_denoised_files_that_are_not_right() -> None:
         shot, scene, tree = prepared("spoilt")
         change(shot / "denoised" / "frame_0003.exr")
         frames.assert_incoming(frames.shown(scene, 3), what)
-        assert not frames.module("node").is_on(tree), what
+        assert not kit.module("nodes.node").is_on(tree), what
     shot, scene, tree = prepared("strange")
     for file in (shot / "denoised").glob("*.json"):
         file.unlink()
     frames.assert_incoming(frames.shown(scene, 3), "without the manifest")
-    assert "Hush" in frames.module("node").why_off(tree)
+    assert "Hush" in kit.module("nodes.node").why_off(tree)
 
 
 def test_another_resolution() -> None:
     shot, scene, tree = prepared("resolution")
     scene.render.resolution_percentage = 50
-    frames.module("node").sync(scene)
-    assert not frames.module("node").is_on(tree)
-    assert "96 × 54" in frames.module("node").why_off(tree) and "48 × 27" in frames.module("node").why_off(tree)
-    status = frames.module("status").shot_status(scene)
+    kit.module("nodes.node").sync(scene)
+    assert not kit.module("nodes.node").is_on(tree)
+    assert "96 × 54" in kit.module("nodes.node").why_off(tree) and "48 × 27" in kit.module("nodes.node").why_off(tree)
+    status = kit.module("status").shot_status(scene)
     assert status.done == 0 and "denoised at 96 × 54, the scene renders 48 × 27" in status.text, status
     scene.render.use_border = scene.render.use_crop_to_border = True
-    frames.module("node").sync(scene)
-    assert frames.module("node").is_on(tree), "with a border any size may be right"
+    kit.module("nodes.node").sync(scene)
+    assert kit.module("nodes.node").is_on(tree), "with a border any size may be right"
 
 
 def test_a_frame_that_was_rendered_by_itself() -> None:
     """After F12 the picture in front of the artist is newer than the file, until the file is written."""
     shot, scene, tree = prepared("by-itself")
-    node = frames.module("node")
+    node = kit.module("nodes.node")
     scene.frame_set(3)
     # As in a window; in the background, frames are not remembered.
     node.frame_is_rendered(scene)
@@ -138,23 +138,23 @@ def test_a_look_finds_what_changed() -> None:
     """As the timer does: new frames are shown without anything else being done."""
     shot = kit.copy_of_shot("looks")
     scene, node = frames.scene_with_node(shot)
-    refresh = frames.module("refresh")
+    refresh = kit.module("refresh")
     assert [window.scene for window in bpy.context.window_manager.windows] == [scene]
     scene.frame_set(1)
     refresh.look()
-    assert refresh.problems(scene) is not None and not frames.module("node").is_on(node.node_tree)
+    assert refresh.problems(scene) is not None and not kit.module("nodes.node").is_on(node.node_tree)
     frames.denoise(scene)
     refresh.look()
-    assert frames.module("node").is_on(node.node_tree)
+    assert kit.module("nodes.node").is_on(node.node_tree)
     scene.hush.lam = 7.0
     refresh.look()
-    assert not frames.module("node").is_on(node.node_tree)
+    assert not kit.module("nodes.node").is_on(node.node_tree)
 
 
 def test_the_timer_follows_what_happens() -> None:
     """A change of the frame, of a setting, and the end of a render each have the node looked at, when Blender rests."""
     shot, scene, tree = prepared("timer")
-    refresh, node = frames.module("refresh"), frames.module("node")
+    refresh, node = kit.module("refresh"), kit.module("nodes.node")
     busy = [False]
     real, refresh._is_busy = refresh._is_busy, lambda: busy[0]
 
@@ -165,13 +165,13 @@ def test_the_timer_follows_what_happens() -> None:
     try:
         rest()
         scene.frame_set(2)
-        assert frames.module("inside").shown_frame(tree) != 2
+        assert kit.module("nodes.inside").shown_frame(tree) != 2
         busy[0] = True
         rest()
-        assert frames.module("inside").shown_frame(tree) != 2, "nothing is changed while frames are rendered or played"
+        assert kit.module("nodes.inside").shown_frame(tree) != 2, "nothing is changed while frames are rendered or played"
         busy[0] = False
         rest()
-        assert frames.module("inside").shown_frame(tree) == 2
+        assert kit.module("nodes.inside").shown_frame(tree) == 2
         scene.hush.lam = 12.0
         bpy.context.view_layer.update()
         rest()
@@ -187,7 +187,7 @@ def test_the_timer_follows_what_happens() -> None:
 
 def test_the_disk_is_not_asked_all_the_time() -> None:
     shot, scene, _ = prepared("rest")
-    status = frames.module("status")
+    status = kit.module("status")
     asked = []
     real = status._ask
     status._ask = lambda *arguments: asked.append(1) or real(*arguments)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 from typing import Any
 
 import bpy
 import kit
 
-prepare = importlib.import_module(f"{kit.MODULE}.prepare")
+prepare = kit.module("prepare")
 SKIPPED = {"rna_type", "name", "layer_collection", "active_layer_collection", "prepared", "session_uid", "is_evaluated"}
 
 

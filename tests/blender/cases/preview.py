@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import shutil
 import tempfile
 from pathlib import Path
@@ -11,8 +10,8 @@ import bpy
 import kit
 import numpy as np
 
-preview = importlib.import_module(f"{kit.MODULE}.preview")
-preview_image = importlib.import_module(f"{kit.MODULE}.preview_image")
+preview = kit.module("preview.preview")
+display = kit.module("preview.display")
 NAME = "Hush Preview"
 TIME_LIMIT = 400.0
 
@@ -24,7 +23,7 @@ def fingerprint() -> dict[str, list]:
         if prop.type == "COLLECTION":
             blocks = getattr(bpy.data, prop.identifier)
             found[prop.identifier] = sorted((b.name_full, b.users, b.use_fake_user, tuple(sorted(b.keys()))) for b in blocks)
-    found["editors"] = [space.image.name_full if space.image else "" for space in preview_image.editors()]
+    found["editors"] = [space.image.name_full if space.image else "" for space in display.editors()]
     return found
 
 
@@ -69,15 +68,6 @@ def pixels() -> np.ndarray:
 def folders() -> set[Path]:
     """The previews' temporary folders."""
     return set(Path(tempfile.gettempdir()).glob("hush-preview-*"))
-
-
-def refused(words: str) -> None:
-    try:
-        bpy.ops.hush.preview_frame()
-    except RuntimeError as error:
-        assert words in str(error), error
-    else:
-        raise AssertionError(f"was not refused, should say {words!r}")
 
 
 def expected(frames: Path, frame: int = 3, **settings: object) -> dict:
@@ -137,7 +127,7 @@ def test_the_scene_decides() -> None:
     scene, frames = shot_scene("settings", frame=2)
     scene.hush.lam, scene.hush.window = 16.0, "0"
     assert bpy.ops.hush.preview_frame() == {"FINISHED"}
-    told = preview_image.current().told
+    told = display.current().result
     assert (told["frame"], told["lam"], told["window"], told["neighbours"]) == (2, 16.0, 0, [])
     kit.assert_close(pixels()[:, 48:, :3], expected(frames, 2, lam=16, window=0)["denoised"][:, 48:, :3], 1e-6)
     for frame, value in ((1, 2.0), (5, 10.0)):
@@ -145,7 +135,7 @@ def test_the_scene_decides() -> None:
         scene.keyframe_insert("hush.lam", frame=frame)
     scene.frame_set(5)
     assert bpy.ops.hush.preview_frame() == {"FINISHED"}
-    assert preview_image.current().told["lam"] == 10.0
+    assert display.current().result["lam"] == 10.0
     assert [image.name for image in bpy.data.images if "Hush" in image.name] == [NAME], "the second takes the place of the first"
     bpy.ops.hush.end_preview()
 
@@ -193,14 +183,14 @@ def test_another_file_ends_it() -> None:
     assert bpy.ops.hush.preview_frame() == {"FINISHED"}
     assert folders() - before
     bpy.ops.wm.read_homefile(use_empty=True)
-    assert preview_image.current() is None and NAME not in bpy.data.images
+    assert display.current() is None and NAME not in bpy.data.images
     assert folders() == before
 
 
 def test_what_is_odd_is_said() -> None:
     shot_scene("bare", "bare")
     assert bpy.ops.hush.preview_frame() == {"FINISHED"}
-    told = preview_image.current().told
+    told = display.current().result
     said = " ".join(preview.notes(told))
     assert "Vector" in said and "--" not in said, said
     assert told["neighbours"] == [] and "by itself" in preview.in_words(told)
@@ -209,7 +199,7 @@ def test_what_is_odd_is_said() -> None:
     scene, _ = shot_scene("blur", "blur")
     scene.hush.vector_layer = "Vectors"
     assert bpy.ops.hush.preview_frame() == {"FINISHED"}
-    assert preview_image.current().told["neighbours"] == [1, 2, 4, 5]
+    assert display.current().result["neighbours"] == [1, 2, 4, 5]
     bpy.ops.hush.end_preview()
 
 
@@ -217,18 +207,18 @@ def test_what_cannot_be_is_refused() -> None:
     scene, frames = shot_scene("refused", frame=4)
     before, temporary = fingerprint(), folders()
     (frames / "frame_0004.exr").write_bytes((frames / "frame_0004.exr").read_bytes()[:2000])
-    refused("frame_0004.exr")
+    kit.refused(bpy.ops.hush.preview_frame, "frame_0004.exr")
     (frames / "frame_0004.exr").unlink()
-    refused("Frame 4 is not rendered")
+    kit.refused(bpy.ops.hush.preview_frame, "Frame 4 is not rendered")
     assert_same(fingerprint(), before)
     assert folders() == temporary, (folders(), temporary)
     assert preview._running is None
     scene.frame_set(3)
     assert bpy.ops.hush.preview_frame() == {"FINISHED"}
-    assert preview_image.current().told["neighbours"] == [1, 2]
+    assert display.current().result["neighbours"] == [1, 2]
     # One that fails leaves the one that is shown.
     scene.frame_set(4)
-    refused("Frame 4 is not rendered")
+    kit.refused(bpy.ops.hush.preview_frame, "Frame 4 is not rendered")
     assert NAME in bpy.data.images
     bpy.ops.hush.end_preview()
 
@@ -243,11 +233,11 @@ def test_a_missing_image_is_no_trouble() -> None:
     assert editor.image == bpy.data.images[NAME]
     bpy.data.images[NAME].name = "Renamed"
     bpy.ops.hush.end_preview()
-    assert "Renamed" not in bpy.data.images and preview_image.current() is None
+    assert "Renamed" not in bpy.data.images and display.current() is None
 
 
 def test_switching_the_extension_off_ends_it() -> None:
-    global preview, preview_image
+    global preview, display
     shot_scene("off")
     editor, here = image_editor()
     before = folders()
@@ -257,5 +247,5 @@ def test_switching_the_extension_off_ends_it() -> None:
     assert NAME not in bpy.data.images and editor.image is None
     assert folders() == before
     kit.enable()
-    preview = importlib.import_module(f"{kit.MODULE}.preview")
-    preview_image = importlib.import_module(f"{kit.MODULE}.preview_image")
+    preview = kit.module("preview.preview")
+    display = kit.module("preview.display")

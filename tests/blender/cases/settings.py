@@ -13,13 +13,13 @@ def key_lambda(scene: bpy.types.Scene, keys: dict[int, float]) -> None:
     for frame, value in keys.items():
         scene.hush.lam = value
         assert scene.hush.keyframe_insert("lam", frame=frame)
-    for curve in frames.module("compat").fcurves(scene):
+    for curve in kit.module("compat").fcurves(scene):
         for point in curve.keyframe_points:
             point.interpolation = "LINEAR"
 
 
 def test_files_are_where_blender_renders_to() -> None:
-    shot, scene = frames.module("shot"), kit.build_scene()
+    shot, scene = kit.module("shot"), kit.build_scene()
     for path in ("/tmp/x/", "/tmp/x/frame_", "/tmp/sh_##_v2", "/tmp/a##b/sh####", "/tmp/take10####", "/tmp/z######_", "/tmp/v2.1/####"):
         scene.render.filepath = path
         for frame in (0, 1, 7, 9999, 10000, 123456):
@@ -29,21 +29,21 @@ def test_files_are_where_blender_renders_to() -> None:
         scene.render.filepath = "/tmp/{no_such_variable}/frame_"
         try:
             shot.frame_pattern(scene)
-        except shot.ShotError as error:
+        except kit.module("messages").Refusal as error:
             assert "no_such_variable" in str(error)
         else:
             raise AssertionError("an output path that cannot be used should be refused")
-        assert "no_such_variable" in frames.module("status").shot_status(scene).text
+        assert "no_such_variable" in kit.module("status").shot_status(scene).text
 
 
 def test_files_are_exr_after_the_output_was_changed_to_png() -> None:
-    shot, scene = frames.module("shot"), kit.build_scene(render_to=Path("/tmp/shot"))
-    frames.module("compat").use_image_format(scene.render.image_settings, "PNG")
+    shot, scene = kit.module("shot"), kit.build_scene(render_to=Path("/tmp/shot"))
+    kit.module("compat").use_image_format(scene.render.image_settings, "PNG")
     assert shot.frame_pattern(scene) == Path("/tmp/shot/frame_####.exr")
 
 
 def test_a_folder_of_frames_may_be_named() -> None:
-    shot, scene, folder = frames.module("shot"), kit.build_scene(), kit.folder("named")
+    shot, scene, folder = kit.module("shot"), kit.build_scene(), kit.folder("named")
     for frame in range(1, 4):
         (folder / f"other.{frame:05d}.exr").write_bytes(b"x")
     (folder / "note_1.exr").write_bytes(b"x")
@@ -54,7 +54,7 @@ def test_a_folder_of_frames_may_be_named() -> None:
 
 
 def test_lambda_keys_reach_every_frame() -> None:
-    shot, scene = frames.module("shot"), kit.build_scene()
+    shot, scene = kit.module("shot"), kit.build_scene()
     scene.hush.lam = 3.0
     assert shot.lambda_keys(scene) == 3.0
     key_lambda(scene, {1: 2.0, 5: 10.0})
@@ -67,9 +67,9 @@ def test_lambda_keys_reach_every_frame() -> None:
 
 
 def test_lambda_stays_in_its_range() -> None:
-    shot, scene = frames.module("shot"), kit.build_scene()
+    shot, scene = kit.module("shot"), kit.build_scene()
     key_lambda(scene, {1: 1.0, 5: 64.0})
-    (curve,) = (c for c in frames.module("compat").fcurves(scene) if c.data_path == "hush.lam")
+    (curve,) = (c for c in kit.module("compat").fcurves(scene) if c.data_path == "hush.lam")
     curve.keyframe_points[0].co.y, curve.keyframe_points[1].co.y = -10.0, 90.0
     curve.update()
     values = shot.lambda_keys(scene)
@@ -77,7 +77,7 @@ def test_lambda_stays_in_its_range() -> None:
 
 
 def test_lambda_under_a_driver_is_its_value_now() -> None:
-    shot, scene = frames.module("shot"), kit.build_scene()
+    shot, scene = kit.module("shot"), kit.build_scene()
     scene.hush.driver_add("lam").driver.expression = "frame + 1"
     scene.frame_set(3)
     assert shot.lambda_source(scene) == "driver"
@@ -85,7 +85,7 @@ def test_lambda_under_a_driver_is_its_value_now() -> None:
 
 
 def test_keys_of_other_things_are_not_taken_for_lambda() -> None:
-    shot, scene = frames.module("shot"), kit.build_scene()
+    shot, scene = kit.module("shot"), kit.build_scene()
     scene.hush.lam = 5.0
     scene.cycles.keyframe_insert("samples", frame=1)
     assert shot.lambda_source(scene) == "value" and shot.lambda_keys(scene) == 5.0
@@ -98,14 +98,14 @@ def test_settings_are_saved() -> None:
     bpy.ops.wm.save_as_mainfile(filepath=str(blend))
     bpy.ops.wm.read_homefile(use_empty=True)
     bpy.ops.wm.open_mainfile(filepath=str(blend))
-    scene, shot = bpy.context.scene, frames.module("shot")
+    scene, shot = bpy.context.scene, kit.module("shot")
     assert shot.window(scene) == 3 and shot.output_folder(scene) == blend.parent / "out"
     assert shot.lambda_keys(scene)[3] == 4.0
 
 
 def told(scene: bpy.types.Scene) -> str:
-    frames.module("status").forget()
-    return frames.module("status").shot_status(scene).text
+    kit.module("status").forget()
+    return kit.module("status").shot_status(scene).text
 
 
 def test_status_tells_how_far_it_is() -> None:
@@ -118,7 +118,7 @@ def test_status_tells_how_far_it_is() -> None:
     assert told(scene) == "5 of 5 frames denoised"
     scene.hush.lam = 4.0
     # Without forgetting: the settings are compared each time.
-    assert frames.module("status").shot_status(scene).text == "0 of 5 frames denoised, 5 are out of date: λ Noise to Keep changed"
+    assert kit.module("status").shot_status(scene).text == "0 of 5 frames denoised, 5 are out of date: λ Noise to Keep changed"
     frames.denoise(scene, [1, 2, 3, 4])
     assert told(scene) == "4 of 5 frames denoised, 1 is out of date: λ Noise to Keep changed"
     scene.hush.lam = 1.0
@@ -158,7 +158,7 @@ def test_status_after_a_run_that_was_stopped() -> None:
     frames.denoise(scene)
     assert told(scene) == "5 of 5 frames denoised"
     scene.hush.lam = 8.0
-    (arguments,) = frames.module("shot").sequences(scene)
+    (arguments,) = kit.module("shot").sequences(scene)
     written: list[int] = []
 
     def count(event: dict) -> None:
@@ -209,4 +209,4 @@ def test_a_range_without_frames() -> None:
     scene = kit.build_scene(render_to=kit.copy_of_shot("range"))
     scene.frame_start, scene.frame_end = 5, 5
     assert "not denoised yet" in told(scene)
-    assert frames.module("status").shot_status(scene).total == 1
+    assert kit.module("status").shot_status(scene).total == 1

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 import shutil
 import signal
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -16,8 +16,8 @@ import fingerprint
 import kit
 
 TIME_LIMIT = 900.0
-compat, composite, composite_plan, denoise, job = (
-    importlib.import_module(f"{kit.MODULE}.{name}") for name in ("compat", "composite", "composite_plan", "denoise", "job")
+compat, composite, contents, denoise, job = (
+    kit.module(name) for name in ("compat", "compositing.composite", "compositing.contents", "denoising.denoise", "jobs.job")
 )
 # Their purpose is a change that the artist asked for. The whole way begins with Prepare Shot; after that it is as the others.
 ASKED = {"prepare_shot", "undo_prepare", "add_node", "fix"}
@@ -145,7 +145,7 @@ def failing(owner: object, name: str, value: object) -> Callable[[], str]:
 
 def script(text: str) -> Callable[..., list[str]]:
     """A process that does this in place of compositing."""
-    return lambda *_, **__: [job.python(), "-c", text]
+    return lambda *_, **__: [sys.executable, "-c", text]
 
 
 def test_compositing_that_fails_at_any_step() -> None:
@@ -153,8 +153,8 @@ def test_compositing_that_fails_at_any_step() -> None:
     target = folder / "composited"
     before = fingerprint.take()
     steps = {
-        "No space left": failing(composite_plan.tempfile, "mkdtemp", no_folder),
-        "cannot be saved": failing(composite_plan.tempfile, "mkdtemp", gone_folder),
+        "No space left": failing(contents.tempfile, "mkdtemp", no_folder),
+        "cannot be saved": failing(contents.tempfile, "mkdtemp", gone_folder),
         "cannot be started": failing(composite, "_command", lambda *_, **__: ["/nowhere/blender"]),
         "exit code 3": failing(composite, "_command", script("import sys; sys.stdin.readline(); sys.exit(3)")),
         "killed": failing(composite, "_command", script("import os; os.kill(os.getpid(), 9)")),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import time
 from pathlib import Path
 from types import MethodType, SimpleNamespace
@@ -12,7 +11,7 @@ import fingerprint
 import kit
 
 TIME_LIMIT = 600.0
-compat, whole_shot, job = (importlib.import_module(f"{kit.MODULE}.{name}") for name in ("compat", "whole_shot", "job"))
+compat, whole_shot, job = (kit.module(name) for name in ("compat", "denoising.whole_shot", "jobs.job"))
 IMAGE = "ViewLayer.Combined"
 NAMES = [f"frame_{frame:04d}.exr" for frame in (1, 2, 3)]
 
@@ -44,15 +43,6 @@ def images(folder: Path) -> list[str]:
 
 def stamps(folder: Path) -> dict[str, int]:
     return {name: (folder / name).stat().st_mtime_ns for name in NAMES}
-
-
-def refused(words: str, **arguments: object) -> None:
-    try:
-        bpy.ops.hush.whole_shot(**arguments)
-    except RuntimeError as error:
-        assert words in str(error), error
-    else:
-        raise AssertionError(f"was not refused, should say {words!r}")
 
 
 def test_as_one_headless_command() -> None:
@@ -104,13 +94,13 @@ def test_frames_of_another_size_are_rendered() -> None:
 def test_what_is_refused() -> None:
     scene, folder = scene_of_three("refused")
     scene.camera = None
-    refused("camera")
-    refused("no scene Nowhere", scene="Nowhere")
+    kit.refused(bpy.ops.hush.whole_shot, "camera")
+    kit.refused(bpy.ops.hush.whole_shot, "no scene Nowhere", scene="Nowhere")
     scene.render.engine = "BLENDER_WORKBENCH"
-    refused("Cycles")
+    kit.refused(bpy.ops.hush.whole_shot, "Cycles")
     scene, folder = scene_of_three("elsewhere")
     scene.hush.input_folder = str(kit.folder("farm"))
-    refused("not rendered")
+    kit.refused(bpy.ops.hush.whole_shot, "not rendered")
     assert kit.files(folder) == []
 
 
@@ -121,11 +111,23 @@ def test_in_a_window() -> None:
     manager = SimpleNamespace(progress_begin=nothing, progress_update=nothing, progress_end=nothing, event_timer_remove=nothing)
     window = SimpleNamespace(window_manager=manager, workspace=SimpleNamespace(status_text_set=shown.append), scene=scene)
     fake = SimpleNamespace(scene="", render_again=False, _timer=object(), _job=None, _render=None, _range=None)
-    names = ("_prepare", "_render_next", "_give_range_back", "_next", "_ended", "_look_at_renders", "_sum_up", "_show", "_hide", "cancel")
+    names = (
+        "scene_of",
+        "_prepare",
+        "_render_next",
+        "_give_range_back",
+        "_next",
+        "_ended",
+        "_look_at_renders",
+        "_sum_up",
+        "_show",
+        "_hide",
+        "cancel",
+    )
     for name in names:
         setattr(fake, name, MethodType(getattr(whole_shot.HUSH_OT_whole_shot, name), fake))
     fake.report = lambda level, text: reports.append((*level, text))
-    background = importlib.import_module(f"{kit.MODULE}.background")
+    background = kit.module("jobs.background")
 
     def modal(event: SimpleNamespace) -> set[str]:
         if fake._job is None:

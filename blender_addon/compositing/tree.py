@@ -1,0 +1,221 @@
+# SPDX-FileCopyrightText: 2026 Hush authors
+# SPDX-License-Identifier: Apache-2.0
+"""The compositor of a copied file, fed by the files of the frames in place of renders. Only for the process that composites."""
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from .. import compat, exr, messages
+from ..nodes import kinds
+
+_FILE_OUTPUT = "CompositorNodeOutputFile"
+_IMAGE_NAMES = ("Combined", "Image")
+
+
+class FrameError(Exception):
+    """Why a frame cannot be composited."""
+
+
+@dataclass(frozen=True)
+class Files:
+    """The files of one frame, and of one stereo view where each has its own: what stands for a scene's renders, what for its node."""
+
+    layers: Path
+    denoised: Path
+
+
+@dataclass
+class _Feed:
+    """An Image node in place of another, and where its images go: (name of the pass, node, identifier of the socket, muted)."""
+
+    tree: bpy.types.NodeTree
+    node: bpy.types.Node
+    source: int
+    layer: str
+    denoised: bool
+    targets: list[tuple[str, str, str, bool]] = field(default_factory=list)
+
+
+class Stage:
+    """A scene's compositor, changed for good so that `turn_to` decides what it shows.
+
+    `work` is the job of `composite.py`; `warn` gets what the artist should know.
+    """
+
+    def __init__(self, scene: bpy.types.Scene, work: dict[str, Any], warn: Callable[[str], None]) -> None:
+        self._scene, self._work, self._warn = scene, work, warn
+        self._warned: set[str] = set()
+        self._feeds: list[_Feed] = []
+        self._mattes: list[tuple[bpy.types.Node, int, str]] = []
+        self._images: list[bpy.types.Image] = []
+        self._sources = {source["scene"]: number for number, source in enumerate(work["sources"])}
+        self._set_output()
+        self._build(compat.own_compositor_tree(scene), set())
+
+    def turn_to(self, files: list[Files], view: str) -> None:
+        """Shows the files of a frame, of each of the job's sources.
+
+        Raises:
+            FrameError: Blender does not read a file, or it lacks what the compositor shows.
+        """
+        self._scene.render.filepath = self._path + (self._scene.render.views[view].file_suffix if view else "")
+        old, self._images = self._images, []
+        loaded: dict[Path, bpy.types.Image] = {}
+        for path in dict.fromkeys(path for each in files for path in (each.layers, each.denoised)):
+            loaded[path] = self._load(path)
+        for feed in self._feeds:
+            path = files[feed.source].denoised if feed.denoised else files[feed.source].layers
+            self._show(feed, loaded[path], path)
+        for node, source, layer in self._mattes:
+            node.image = loaded[files[source].layers]
+            try:
+                node.layer_name = layer
+            except TypeError:
+                raise FrameError(f"{files[source].layers.name} has no Cryptomatte {layer}") from None
+        for image in old:
+            bpy.data.images.remove(image)
+
+    def _load(self, path: Path) -> bpy.types.Image:
+        try:
+            image = bpy.data.images.load(str(path))
+        except RuntimeError as error:
+            raise FrameError(f"{path.name} does not load: {messages.of_error(error)}") from None
+        self._images.append(image)
+        image.use_multiview = self._work["views_in_one_file"]
+        try:
+            image.colorspace_settings.name = compat.working_space()
+        except TypeError:
+            # A colour configuration without that name: no conversion at all is the same here.
+            image.colorspace_settings.is_data = True
+        # Of files with layers Blender tells no size; that they have the right one was looked up before, in their headers.
+        wanted, size = exr.size_if_whole(path), tuple(image.size)
+        if wanted is None or (image.type != "MULTILAYER" and size != wanted):
+            raise FrameError(f"{path.name} does not load: it is damaged, or being written")
+        return image
+
+    def _show(self, feed: _Feed, image: bpy.types.Image, path: Path) -> None:
+        node = feed.node
+        node.image = image
+        try:
+            node.layer = feed.layer
+        except TypeError:
+            # Files of a File Output node have no view layers; those of Blender that lack this one cannot stand in for it.
+            if _has_named_layers(path):
+                raise FrameError(f"{path.name} has no view layer {feed.layer}") from None
+        there = {output.name: output for output in node.outputs}
+        lost = []
+        for name, to_node, identifier, muted in feed.targets:
+            output = next((there[n] for n in _IMAGE_NAMES if n in there), None) if name == "Image" else there.get(name)
+            if output is None and name == "Image":
+                raise FrameError(f"{path.name} has no image of view layer {feed.layer}")
+            if output is None:
+                lost.append(name)
+                continue
+            target = next(socket for socket in feed.tree.nodes[to_node].inputs if socket.identifier == identifier)
+            link = feed.tree.links.new(output, target)
+            link.is_muted = muted
+            if not target.is_linked:
+                raise FrameError(f"{path.name}: Blender does not connect {name} to {to_node}")
+        if lost:
+            self._tell("composite_lost", passes=", ".join(dict.fromkeys(lost)), layer=feed.layer)
+
+    def _tell(self, key: str, **fields: object) -> None:
+        text = messages.text(key, **fields)
+        if text not in self._warned:
+            self._warned.add(text)
+            self._warn(text)
+
+    def _set_output(self) -> None:
+        render, settings = self._scene.render, self._scene.render.image_settings
+        views = settings.views_format
+        compat.use_image_format(settings, self._work["format"])
+        settings.color_mode, settings.color_depth = "RGBA", "16"
+        if views == "INDIVIDUAL":
+            render.use_multiview = False
+        elif render.use_multiview:
+            settings.views_format = "STEREO_3D" if settings.file_format == "PNG" else views
+        self._path = compat.without_templates(os.path.join(self._work["aside"], "frame_####"))
+        render.use_file_extension = render.use_overwrite = render.use_compositing = True
+        render.use_placeholder = render.use_sequencer = False
+        self._scene.frame_step = 1
+        if hasattr(render, "compositor_device"):
+            # A process without a window may have no GPU.
+            render.compositor_device = "CPU"
+
+    def _build(self, tree: bpy.types.NodeTree, seen: set[bpy.types.NodeTree]) -> None:
+        seen.add(tree)
+        # The nodes of Hush first: the links from Render Layers to them are not wanted any more.
+        for each in list(tree.nodes):
+            found = kinds.of_hush(each)
+            if found is not None and not each.mute:
+                shown = self._work["nodes"].get(kinds.key(tree, each))
+                if shown is not None:
+                    self._replace(tree, each, shown["source"], shown["layer"], denoised=True)
+        for each in list(tree.nodes):
+            if each.bl_idname == kinds.RENDER_LAYERS:
+                self._replace_layers(tree, each)
+            elif each.bl_idname == kinds.CRYPTOMATTE and each.source == "RENDER":
+                source = self._source_of(each.scene)
+                if source is not None:
+                    layer = each.layer_name
+                    each.source = "IMAGE"
+                    self._mattes.append((each, source, layer))
+            elif each.bl_idname == _FILE_OUTPUT:
+                self._guard_output(each)
+            elif kinds.is_undefined(each) and not each.mute:
+                self._refuse_unknown(tree, each)
+            elif getattr(each, "node_tree", None) is not None and each.bl_idname == "CompositorNodeGroup":
+                if each.node_tree.library is not None:
+                    each.node_tree = kinds.local_copy(each.node_tree)
+                if each.node_tree not in seen:
+                    self._build(each.node_tree, seen)
+
+    def _refuse_unknown(self, tree: bpy.types.NodeTree, each: bpy.types.Node) -> None:
+        if kinds.key(tree, each) not in self._work["undefined"]:
+            raise FrameError(messages.text("composite_addon_node", node=each.name))
+
+    def _source_of(self, scene: bpy.types.Scene | None) -> int | None:
+        return self._sources.get((scene or self._scene).name_full)
+
+    def _replace_layers(self, tree: bpy.types.NodeTree, layers: bpy.types.Node) -> None:
+        source = self._source_of(layers.scene)
+        if source is None:
+            self._tell("composite_other_scene", scene=layers.scene.name)
+        elif layers.mute:
+            tree.nodes.remove(layers)
+        else:
+            self._replace(tree, layers, source, layers.layer, denoised=False)
+
+    def _replace(self, tree: bpy.types.NodeTree, old: bpy.types.Node, source: int, layer: str, *, denoised: bool) -> None:
+        """Puts an Image node in place of another, socket by socket."""
+        feed = _Feed(tree, tree.nodes.new("CompositorNodeImage"), source, layer, denoised)
+        for output in old.outputs:
+            for link in output.links:
+                feed.targets.append((output.name, link.to_node.name, link.to_socket.identifier, link.is_muted))
+        tree.nodes.remove(old)
+        if feed.targets:
+            self._feeds.append(feed)
+        else:
+            tree.nodes.remove(feed.node)
+
+    def _guard_output(self, each: bpy.types.Node) -> None:
+        """A File Output node writes where it did, but never over the frames that the composite is made from."""
+        compat.set_folder(each, lambda path: kinds.absolute(path, self._work["origin"]))
+        if any(path in self._work["protected"] or os.path.normpath(path) in self._work["protected"] for path in compat.written_by(each)):
+            each.mute = True
+            self._tell("composite_outputs", node=each.name)
+
+
+def _has_named_layers(path: Path) -> bool:
+    import hush
+
+    try:
+        about = hush.inspect(str(path))
+    except (OSError, ValueError, hush.HushError):
+        return True
+    return any(layer["name"] for layer in about.get("layout", about)["layers"])

@@ -1,0 +1,138 @@
+"""Measures Hush and OIDN on the benchmark's shots, prints the tables of RESULTS.md, and the λ curves.
+
+    python -m training.benchmark.run --cache runs/benchmark --hush target/release/hush --update training/RESULTS.md
+    python -m training.benchmark.run --cache runs/benchmark --hush target/release/hush --lambdas 1,2,4,8,16,32,64
+
+The cache comes from training.benchmark.render; frames without a reference are denoised, for their neighbours' sake, but not scored.
+OIDN's frames are kept in the cache, Hush's are made anew. Tables go to standard output and, with the numbers, to --out;
+--update writes them into a document, between its markers.
+Needs pyoidn, OpenEXR, numpy; no PyTorch.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from training.benchmark import lambda_curves, oidn, tables, unbiased
+from training.benchmark.frames import SHOTS, SPP, Take, frame, numbers, passes, takes, write_beauty
+
+WINDOWS = (0, 1, 2, 3)
+GUIDES = {"Combined": "RGB", "Denoising Albedo": "RGB", "Denoising Normal": "XYZ"}
+
+
+class Hush:
+    """The program, with the options that every run shares."""
+
+    def __init__(self, program: Path, model: Path | None, threads: int) -> None:
+        self.program = program.resolve()
+        self.options = ["--threads", str(threads), "--no-settings", "--quiet", "--overwrite", *(["--model", str(model)] if model else [])]
+
+    def denoise(self, take: Take, output: Path, window: int, lam: float = 1.0) -> Path:
+        options = ["--window", str(window), "--lambda", f"{lam:g}", *self.options]
+        self._run("denoise", take.noisy, "--output", output, *options)
+        return output
+
+    def scores(self, take: Take, folder: Path, reference: Path | None = None) -> dict[str, float | None]:
+        """Mean scores of a folder over the frames that have a reference."""
+        found = json.loads(self._run("eval", reference or take.reference, folder, "--vectors", take.noisy, "--json"))
+        return {metric: found["mean"].get(metric) for metric in tables.METRICS}
+
+    def _run(self, *arguments: str | Path) -> str:
+        result = subprocess.run([self.program, *arguments], capture_output=True, text=True, check=False)
+        if result.returncode:
+            raise SystemExit(f"hush {' '.join(map(str, arguments))}: {result.stderr.strip() or result.stdout.strip()}")
+        return result.stdout
+
+
+def run_oidn(take: Take, device: Any) -> dict[str, Path]:  # noqa: ANN401
+    """OIDN frame by frame, two ways; what is newer than its noisy frame stays."""
+    folders = {"oidn_high": oidn.high, "oidn_clean_aux": oidn.clean_aux}
+    found = {}
+    for name, method in folders.items():
+        found[name] = take.cache / take.shot / f"{take.spp}spp-{name}"
+        for n in numbers(take.noisy):
+            source, target = frame(take.noisy, n), frame(found[name], n)
+            if target.exists() and target.stat().st_mtime >= source.stat().st_mtime:
+                continue
+            planes = [np.ascontiguousarray(image) for image in passes(source, GUIDES).values()]
+            colour, albedo, normal = planes
+            write_beauty(target, method(device, np.maximum(colour, 0), albedo.clip(0, 1), normal))
+    return found
+
+
+def run_all(take: Take, hush: Hush, device: Any, out: Path) -> dict[str, Path]:  # noqa: ANN401
+    """Every method's frames of a take."""
+    folders = {"noisy": take.noisy, **run_oidn(take, device)}
+    for window in WINDOWS:
+        folders[f"window{window}"] = hush.denoise(take, out / take.shot / f"{take.spp}spp-window{window}", window)
+    return folders
+
+
+def reference_noise(measured: list[Take], hush: Hush) -> str:
+    """How far two passes of the references are from each other, and how far, if noise is all, their mean is from the truth."""
+    rows = []
+    for take in {take.shot: take for take in measured}.values():
+        if len(take.passes) > 1:
+            count = min(sum(frame(folder, n).exists() for folder in take.passes) for n in numbers(take.reference))
+            smape = hush.scores(take, take.passes[0], take.passes[1])["smape"] or 0.0
+            rows.append([take.shot, tables.number(smape), str(count), tables.number(smape / math.sqrt(2 * count))])
+    titles = ["SMAPE of the references' own noise", "a pass against another", "passes", "the mean of all, estimated"]
+    return tables.table(titles, rows) if rows else ""
+
+
+def lambdas(text: str) -> list[float]:
+    values = sorted(float(part) for part in text.split(","))
+    if not values or not all(1 <= value <= 64 for value in values):
+        raise argparse.ArgumentTypeError("from 1 to 64, such as 1,4,16,64")
+    return values
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cache", type=Path, required=True, help="folder of training.benchmark.render")
+    parser.add_argument("--hush", type=Path, required=True, help="the program")
+    parser.add_argument("--model", type=Path, help="other weights than the program's own")
+    parser.add_argument("--out", type=Path, help="folder for Hush's frames and the results (CACHE/results)")
+    parser.add_argument("--shots", nargs="+", choices=SHOTS, default=list(SHOTS))
+    parser.add_argument("--spp", nargs="+", type=int, choices=SPP, default=list(SPP))
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--lambdas", type=lambdas, help="curves over these values, window ±2, instead of the tables")
+    parser.add_argument("--update", type=Path, help="document to write the tables into, such as training/RESULTS.md")
+    parser.add_argument("--figure", type=Path, help="SVG for the curves (OUT/lambda.svg)")
+    chosen = parser.parse_args()
+    out = chosen.out or chosen.cache / "results"
+    out.mkdir(parents=True, exist_ok=True)
+    measured = takes(chosen.cache, chosen.shots, chosen.spp)
+    if not measured:
+        raise SystemExit(f"{chosen.cache}: nothing to measure yet; run training.benchmark.render")
+    hush = Hush(chosen.hush, chosen.model, chosen.threads)
+    if chosen.lambdas:
+        curves = lambda_curves.curves(measured, chosen.lambdas, hush, out)
+        text = lambda_curves.report(curves)
+        (chosen.figure or out / "lambda.svg").write_text(lambda_curves.figure(curves), encoding="utf-8")
+        name, rows = "lambda", [vars(point) for point in curves]
+    else:
+        with oidn.device(chosen.threads) as device:
+            made = [(take, run_all(take, hush, device, out)) for take in measured]
+        results = {(take.shot, take.spp): {m: hush.scores(take, folder) for m, folder in folders.items()} for take, folders in made}
+        coverage = {take.shot: len(numbers(take.reference)) for take in measured}
+        parts = (tables.report(results, coverage), reference_noise(measured, hush), unbiased.report(made))
+        text = "\n\n".join(part for part in parts if part)
+        name, rows = "benchmark", [{"shot": shot, "spp": spp, **scores} for (shot, spp), scores in results.items()]
+    (out / f"{name}.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    (out / f"{name}.md").write_text(text + "\n", encoding="utf-8")
+    print(text)
+    if chosen.update:
+        document = chosen.update.read_text(encoding="utf-8")
+        chosen.update.write_text(tables.replaced(document, name, text), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

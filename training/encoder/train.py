@@ -1,0 +1,209 @@
+"""Trains a source encoder for another renderer. Everything behind it stays as it is, and so does the first encoder.
+
+    python -m training.encoder.train --weights models/hush.safetensors --shots runs/mitsuba --renderer mitsuba --normals world \
+        --out runs/encoder --minutes 15 --bf16 --fused
+
+Starts from the first renderer's encoder. Resumable: start it again with the same folder and it goes on. At the end it measures both
+encoders on the validation shots and adds the new one to the weights file, `--write` to write another.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import math
+import os
+import random
+import time
+from copy import copy
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import torch
+from safetensors import safe_open
+from safetensors.torch import save_file
+from torch import Tensor
+from torch.optim import AdamW
+from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
+
+from training.data.shots import OFFSETS, Shot, read_split
+from training.network import fused
+from training.network.model import Architecture, Hush
+from training.network.train import TEMPORAL, batch_of, keep_memory, objective, validate
+
+FIRST = "cycles"
+
+
+@dataclass
+class WeightsFile:
+    """A weights file as it is on disk: its tensors bit by bit, and its header."""
+
+    tensors: dict[str, Tensor]
+    header: dict[str, str]
+
+    @staticmethod
+    def read(path: Path) -> WeightsFile:
+        with safe_open(path, "pt") as file:
+            return WeightsFile({key: file.get_tensor(key) for key in file.keys()}, dict(file.metadata()))  # noqa: SIM118
+
+    def renderers(self) -> list[str]:
+        return json.loads(self.header.get("hush.encoders", json.dumps([FIRST])))
+
+    def network(self, renderer: str = "") -> Hush:
+        """The network with the encoder of a renderer, the first one's where it is empty."""
+        net = Hush(Architecture(**json.loads(self.header["hush.architecture"])))
+        own = {k: v.float() for k, v in self.tensors.items() if not k.startswith("encoders.")}
+        if renderer and renderer != self.renderers()[0]:
+            prefix = f"encoders.{renderer}."
+            own |= {f"encoder.{k.removeprefix(prefix)}": v.float() for k, v in self.tensors.items() if k.startswith(prefix)}
+        net.load_state_dict(own)
+        return net.eval()
+
+    def fingerprint(self) -> str:
+        """Of all but the further encoders."""
+        own = sorted(k for k in self.tensors if not k.startswith("encoders."))
+        return hashlib.sha256(b"".join(self.tensors[k].numpy().tobytes() for k in own)).hexdigest()
+
+    def add(self, renderer: str, encoder: dict[str, Tensor], record: dict[str, dict[str, object]]) -> None:
+        """Puts in another encoder, or in place of the one of that name; `record` is what goes beside it in the header."""
+        tensors = {k: v for k, v in self.tensors.items() if not k.startswith(f"encoders.{renderer}.")}
+        self.tensors = tensors | {f"encoders.{renderer}.{k}": v for k, v in encoder.items()}
+        others = [name for name in self.renderers() if name != renderer]
+        self.header["hush.encoders"] = json.dumps([*others, renderer])
+        self.header |= {f"hush.{part}.{renderer}": json.dumps(about) for part, about in record.items()}
+
+    def write(self, path: Path) -> None:
+        aside = path.with_suffix(".part")
+        save_file(self.tensors, aside, metadata=self.header)
+        os.replace(aside, path)
+
+
+def rotation(r: random.Random) -> Tensor:
+    """A random rotation: of any kind, or about the y axis."""
+    if r.random() < 0.5:
+        angle = r.uniform(0, 2 * math.pi)
+        c, s = math.cos(angle), math.sin(angle)
+        return torch.tensor([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+    w, x, y, z = (r.gauss(0, 1) for _ in range(4))
+    q = torch.tensor([w, x, y, z]) / math.hypot(w, x, y, z)
+    w, v = q[0], q[1:]
+    cross = torch.tensor([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+    return torch.eye(3) + 2 * w * cross + 2 * cross @ cross
+
+
+def turned(shot: Shot, r: random.Random) -> Shot:
+    """The shot in a world that is turned: normals in world space may point anywhere."""
+    shot = copy(shot)
+    shot.normal = torch.einsum("ij,tjhw->tihw", rotation(r), shot.normal)
+    return shot
+
+
+@dataclass
+class Run:
+    """The state of a training run; `checkpoint.pt` in its folder holds all of it."""
+
+    folder: Path
+    source: str
+    net: Hush
+    mean: AveragedModel
+    optimiser: AdamW
+    step: int = 0
+    spent: float = 0.0
+    log: list[str] = field(default_factory=list)
+
+    def resume(self) -> None:
+        path = self.folder / "checkpoint.pt"
+        if not path.exists():
+            return
+        state = torch.load(path, weights_only=True)
+        if state["source"] != self.source:
+            raise SystemExit(f"{path} belongs to other weights: choose another folder, or remove it")
+        self.net.encoder.load_state_dict(state["encoder"])
+        self.mean.load_state_dict(state["mean"])
+        self.optimiser.load_state_dict(state["optimiser"])
+        self.step, self.spent = state["step"], state["spent"]
+
+    def save(self) -> None:
+        parts = {"encoder": self.net.encoder.state_dict(), "mean": self.mean.state_dict(), "optimiser": self.optimiser.state_dict()}
+        aside = self.folder / "checkpoint.tmp"
+        torch.save({**parts, "source": self.source, "step": self.step, "spent": self.spent}, aside)
+        os.replace(aside, self.folder / "checkpoint.pt")
+
+
+def train(run: Run, shots: list[Shot], a: argparse.Namespace) -> None:
+    """Trains the encoder for as long as is left of `--minutes`."""
+    r = random.Random(run.step + 31)
+    begun, running = time.monotonic() - run.spent, None
+    while (spent := time.monotonic() - begun) < a.minutes * 60:
+        done = spent / (a.minutes * 60)
+        rate = a.rate * min(1.0, (run.step + 1) / 100) * max(0.005, 0.5 * (1 + math.cos(math.pi * done)))
+        for group in run.optimiser.param_groups:
+            group["lr"] = rate
+        some = r.sample(shots, min(len(shots), 2 * a.batch))
+        batch = batch_of(r, [turned(shot, r) for shot in some] if a.normals == "world" else some, a.batch)
+        with torch.autocast("cpu", torch.bfloat16, enabled=a.bf16):
+            loss = objective(run.net, *batch, TEMPORAL)
+        run.optimiser.zero_grad(set_to_none=True)
+        loss.backward()
+        if torch.isfinite(torch.nn.utils.clip_grad_norm_(run.net.encoder.parameters(), 1.0)):
+            run.optimiser.step()
+            run.mean.update_parameters(run.net.encoder)
+        run.step += 1
+        run.spent = spent
+        running = float(loss.detach()) if running is None else 0.99 * running + 0.01 * float(loss.detach())
+        if run.step % 100 == 0:
+            print(f"step {run.step} loss {running:.4f} rate {rate:.2e} {spent / run.step:.3f} s/step", flush=True)
+        if run.step % 500 == 0:
+            run.save()
+    run.spent = a.minutes * 60
+    run.save()
+
+
+def main() -> None:
+    p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p.add_argument("--weights", type=Path, required=True, help="the weights file to start from")
+    p.add_argument("--shots", type=Path, nargs="+", required=True, help="folders of NNNNNN.npz; seeds divisible by 8 are for validation")
+    p.add_argument("--renderer", required=True, help="its name, a to z, 0 to 9, - and _; what --renderer will take")
+    p.add_argument("--out", type=Path, required=True, help="folder for the checkpoint")
+    p.add_argument("--write", type=Path, help="weights file to write [default: the one of --weights]")
+    p.add_argument("--normals", choices=("camera", "world"), default="camera", help="the space that the renderer's normals are in")
+    p.add_argument("--minutes", type=float, default=15.0, help="wall-clock time of the whole schedule, resumed runs included")
+    p.add_argument("--batch", type=int, default=4, help="denoised frames a step")
+    p.add_argument("--rate", type=float, default=1e-3)
+    p.add_argument("--threads", type=int, default=1)
+    p.add_argument("--bf16", action="store_true", help="convolutions in bfloat16 (fast on CPUs with AVX512-BF16)")
+    p.add_argument("--fused", action="store_true", help="apply the kernels in C++ (needs g++): twice as fast")
+    a = p.parse_args()
+    torch.set_num_threads(a.threads)
+    keep_memory()
+    a.out.mkdir(parents=True, exist_ok=True)
+    file = WeightsFile.read(a.weights)
+    if a.renderer == file.renderers()[0]:
+        raise SystemExit(f"{a.renderer} is the renderer that the whole network was trained for")
+    shots, held = read_split(a.shots)
+    torch.manual_seed(1)
+    net = file.network().to(memory_format=torch.channels_last)
+    if a.fused:
+        net.average = fused.average
+    net.requires_grad_(False)
+    net.encoder.requires_grad_(True)
+    mean = AveragedModel(net.encoder, multi_avg_fn=get_ema_multi_avg_fn(0.995))
+    optimiser = AdamW(net.encoder.parameters(), lr=a.rate, betas=(0.9, 0.99), weight_decay=1e-4)
+    run = Run(a.out, file.fingerprint(), net, mean, optimiser)
+    run.resume()
+    train(run, shots, a)
+    encoder = {k: v.to(torch.float16).contiguous() for k, v in mean.module.state_dict().items()}
+    measured: dict[str, object] = {"seeds": [s.seed for s in held]}
+    for who, tensors in ((f"{file.renderers()[0]}_encoder_", file.network().encoder.state_dict()), ("", encoder)):
+        net.encoder.load_state_dict({k: v.float() for k, v in tensors.items()})
+        for window, offsets in ((2, OFFSETS), (0, ())):
+            measured[f"{who}smape_window_{window}"] = validate(net, held, offsets)
+    training = {"steps": run.step, "seconds": round(run.spent), "seeds": [s.seed for s in shots]}
+    file.add(a.renderer, encoder, {"training": training, "validation": measured})
+    file.write(a.write or a.weights)
+    print(json.dumps(measured))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,316 @@
+"""The Hush network: a temporal, multi-scale, kernel-predicting denoiser after Vogels et al. 2018.
+
+Shapes: B examples, T frames (the centre frame and its neighbours), C channels, H rows, W columns;
+H and W are multiples of 8. Half, quarter and eighth resolution are h = H/2, H/4 and H/8.
+`src/network` in the Rust core computes the same function; `golden.py` writes the tensors that hold the two together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from training.data.geometry import BRIGHTEST, EXTRAS, warped
+
+LOGIT_LIMIT = 40.0
+LAMBDA_MAX = 64.0
+QUERIES = 2
+
+
+@dataclass(frozen=True)
+class Architecture:
+    """Everything that the Rust network needs to build itself; stored in the weights file's header."""
+
+    version: int = 2
+    features: int = 32
+    half: int = 48
+    quarter: int = 80
+    eighth: int = 96
+    blocks_encoder: int = 1
+    blocks_half: int = 1
+    blocks_quarter: int = 2
+    blocks_eighth: int = 1
+    blocks_out: int = 1
+    pair: int = 32
+    lambda_hidden: int = 16
+    centre_taps: int = 5
+    neighbour_taps: int = 3
+    coarse_taps: int = 3
+    albedo_taps: int = 3
+    levels: int = 4
+    albedo_epsilon: float = 0.05
+
+    def header(self) -> dict[str, int | float]:
+        return asdict(self)
+
+
+class Residual(nn.Module):
+    """x + conv(relu(conv(relu(x)))), the identity at the start of training."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.first = nn.Conv2d(channels, channels, 3, padding=1)
+        self.second = nn.Conv2d(channels, channels, 3, padding=1)
+        nn.init.zeros_(self.second.weight)
+        nn.init.zeros_(self.second.bias)
+
+    def forward(self, x: Tensor) -> Tensor:
+        return x + self.second(F.relu(self.first(F.relu(x))))
+
+
+def residuals(channels: int, count: int) -> nn.Sequential:
+    return nn.Sequential(*[Residual(channels) for _ in range(count)])
+
+
+class Encoder(nn.Module):
+    """Source encoder: the renderer-specific part. (N, 10, H, W) inputs to (N, features, H/2, W/2)."""
+
+    def __init__(self, arch: Architecture) -> None:
+        super().__init__()
+        self.first = nn.Conv2d(40, arch.features, 3, padding=1)
+        self.second = nn.Conv2d(arch.features, arch.features, 3, padding=1)
+        self.blocks = residuals(arch.features, arch.blocks_encoder)
+
+    def forward(self, inputs: Tensor) -> Tensor:
+        x = F.pixel_unshuffle(inputs, 2)
+        return self.blocks(self.second(F.relu(self.first(x))))
+
+
+class Specialisation(nn.Module):
+    """Loss specialisation: λ scales and shifts the features that feed the kernel predictors."""
+
+    def __init__(self, channels: int, hidden: int) -> None:
+        super().__init__()
+        self.hidden = nn.Linear(1, hidden)
+        self.scale = nn.Linear(hidden, channels)
+        self.shift = nn.Linear(hidden, channels)
+        for layer in (self.scale, self.shift):
+            nn.init.zeros_(layer.weight)
+            nn.init.zeros_(layer.bias)
+
+    def forward(self, x: Tensor, lam: Tensor) -> Tensor:
+        code = torch.log2(lam)[:, None] / 6.0
+        h = F.relu(self.hidden(code))
+        return x * (1.0 + self.scale(h))[:, :, None, None] + self.shift(h)[:, :, None, None]
+
+
+def pixel_taps(image: Tensor, size: int) -> Tensor:
+    """(B, C, H, W) to (B, C, size², H, W): each pixel's neighbourhood, rows first, zero outside."""
+    b, c, h, w = image.shape
+    return F.unfold(image, size, padding=size // 2).view(b, c, size * size, h, w)
+
+
+def kernel_average(
+    logits: Tensor,
+    images: Tensor,
+    valid: Tensor,
+    sizes: tuple[int, ...],
+    coarse: tuple[Tensor, Tensor] | None = None,
+    coarse_taps: int = 0,
+    keyed: tuple[Tensor, Tensor] | None = None,
+) -> tuple[Tensor, Tensor]:
+    """One softmax over the taps of all frames and of the coarser level, and its weighted average.
+
+    logits (B, K, H, W): size² of each frame, rows first, then coarse_taps² of the coarser level; images (B, T, 3, H, W);
+    valid (B, T, 1, H, W) in {0, 1}; coarse: image (B, 3, H/2, W/2) and mask; keyed: queries (B, T, 2, H, W) and keys (B, T, 1, H, W):
+    the logit of a frame's tap gets the first query times its key and the second times its key squared. Returns the average
+    (B, 3, H, W), 0 where no tap is valid, and the sum of the weights (B, 1, H, W).
+    """
+    if keyed is not None:
+        queries, keys = keyed
+        near = [pixel_taps(keys[:, k], size)[:, 0] for k, size in enumerate(sizes)]
+        moved = torch.cat([queries[:, k, :1] * key + queries[:, k, 1:] * key * key for k, key in enumerate(near)], 1)
+        logits = logits.float() + F.pad(moved, (0, 0, 0, 0, 0, logits.shape[1] - moved.shape[1]))
+    taps = [pixel_taps(torch.cat((images[:, k], valid[:, k]), 1), size) for k, size in enumerate(sizes)]
+    if coarse is not None:
+        taps.append(pixel_taps(torch.cat(coarse, 1), coarse_taps).repeat_interleave(2, -1).repeat_interleave(2, -2))
+    every = torch.cat(taps, 2)
+    weights = torch.exp(logits.float().clamp(-LOGIT_LIMIT, LOGIT_LIMIT)) * every[:, 3]
+    norm = weights.sum(1, keepdim=True)
+    return (weights[:, None] * every[:, :3]).sum(2) / norm.clamp_min(1e-30), norm
+
+
+def key_of(colour: Tensor, exposure: Tensor) -> Tensor:
+    """What a tap's logit may depend on: the log of its light, (B, T, 1, H, W), of demodulated colours (B, T, 3, H, W).
+
+    exposure (B,): the centre frame's.
+    """
+    return torch.log1p((colour.mean(2, keepdim=True) * exposure.view(-1, 1, 1, 1, 1)).clamp(0, BRIGHTEST))
+
+
+def upsampled(image: Tensor) -> Tensor:
+    return F.interpolate(image, scale_factor=2, mode="nearest")
+
+
+def subpixels(logits: Tensor) -> Tensor:
+    """(B, 4·K, h, w), grouped by sub-pixel (0,0) (0,1) (1,0) (1,1), to (B, K, 2h, 2w)."""
+    b, k4, h, w = logits.shape
+    x = logits.view(b, 2, 2, k4 // 4, h, w)
+    return x.permute(0, 3, 4, 1, 5, 2).reshape(b, k4 // 4, 2 * h, 2 * w)
+
+
+def down(image: Tensor, valid: Tensor) -> tuple[Tensor, Tensor]:
+    """Uniform 2×2 down-sampling over the valid pixels: (…C, H, W), (…1, H, W) to half size."""
+    weight = F.avg_pool2d(valid, 2)
+    mean = F.avg_pool2d(image * valid, 2) / weight.clamp_min(0.25)
+    return mean, (weight > 0).to(image.dtype)
+
+
+def queries(channels: int, count: int) -> nn.Conv2d:
+    """Predicts `count` pairs of queries, 0 at the start of training."""
+    layer = nn.Conv2d(channels, QUERIES * count, 1)
+    nn.init.zeros_(layer.weight)
+    nn.init.zeros_(layer.bias)
+    return layer
+
+
+class Hush(nn.Module):
+    """The whole network. `forward` takes one centre frame and n ≥ 0 neighbours; `average` applies the kernels."""
+
+    average = staticmethod(kernel_average)
+
+    def __init__(self, arch: Architecture | None = None) -> None:
+        super().__init__()
+        a = self.arch = arch or Architecture()
+        self.encoder = Encoder(a)
+        self.mix_centre = nn.Conv2d(a.features, a.half, 1)
+        self.mix_neighbour = nn.Conv2d(a.features + EXTRAS, a.half, 1, bias=False)
+        self.mix = nn.Conv2d(a.features + a.half, a.half, 1)
+        self.half_in = residuals(a.half, a.blocks_half)
+        self.to_quarter = nn.Conv2d(a.half, a.quarter, 3, stride=2, padding=1)
+        self.quarter_in = residuals(a.quarter, a.blocks_quarter)
+        self.to_eighth = nn.Conv2d(a.quarter, a.eighth, 3, stride=2, padding=1)
+        self.eighth = residuals(a.eighth, a.blocks_eighth)
+        self.from_eighth = nn.Conv2d(a.eighth + a.quarter, a.quarter, 1)
+        self.lambda_quarter = Specialisation(a.quarter, a.lambda_hidden)
+        self.quarter_out = Residual(a.quarter)
+        self.from_quarter = nn.Conv2d(a.quarter + a.half, a.half, 1)
+        self.lambda_half = Specialisation(a.half, a.lambda_hidden)
+        self.half_out = residuals(a.half, a.blocks_out)
+        centre, neighbour, coarse = a.centre_taps**2, a.neighbour_taps**2, a.coarse_taps**2
+        self.head_half = nn.Conv2d(a.half, 4 * (centre + coarse + a.albedo_taps**2) + centre + coarse, 1)
+        self.pair_half_centre = nn.Conv2d(a.half, a.pair, 1)
+        self.pair_half_neighbour = nn.Conv2d(a.features + EXTRAS, a.pair, 1, bias=False)
+        self.pair_half_head = nn.Conv2d(a.pair, 4 * (neighbour + 1) + neighbour, 1)
+        self.query_half = queries(a.half, 5)
+        self.pair_half_query = queries(a.pair, 5)
+        self.head_quarter = nn.Conv2d(a.quarter, centre + (coarse if a.levels > 3 else 0), 1)
+        self.pair_quarter_centre = nn.Conv2d(a.quarter, a.pair, 1)
+        self.pair_quarter_neighbour = nn.Conv2d(a.features + EXTRAS, a.pair, 1, bias=False)
+        self.pair_quarter_head = nn.Conv2d(a.pair, neighbour, 1)
+        self.query_quarter = queries(a.quarter, 1)
+        self.pair_quarter_query = queries(a.pair, 1)
+        if a.levels > 3:
+            self.head_eighth = nn.Conv2d(a.eighth, centre, 1)
+            self.pair_eighth_centre = nn.Conv2d(a.eighth, a.pair, 1)
+            self.pair_eighth_neighbour = nn.Conv2d(a.features + EXTRAS, a.pair, 1, bias=False)
+            self.pair_eighth_head = nn.Conv2d(a.pair, neighbour, 1)
+            self.query_eighth = queries(a.eighth, 1)
+            self.pair_eighth_query = queries(a.pair, 1)
+
+    def trunk(self, centre: Tensor, pairs: list[Tensor], lam: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Temporal extractor, U-shaped body and loss specialisation: features at half, quarter and eighth resolution.
+
+        centre (B, features, h, w); pairs: per neighbour (B, features + EXTRAS, h, w), channel `features` its trust.
+        """
+        f = self.arch.features
+        base = self.mix_centre(centre)
+        total = torch.zeros_like(base)
+        trust = torch.ones_like(base[:, :1])
+        for pair in pairs:
+            v = pair[:, f : f + 1]
+            total = total + v * F.relu(base + self.mix_neighbour(pair))
+            trust = trust + v
+        half = self.half_in(self.mix(torch.cat((centre, total / trust), 1)))
+        quarter = self.quarter_in(self.to_quarter(F.relu(half)))
+        eighth = self.eighth(self.to_eighth(F.relu(quarter)))
+        quarter = self.from_eighth(torch.cat((upsampled(eighth), quarter), 1))
+        quarter = self.quarter_out(self.lambda_quarter(quarter, lam))
+        half = self.from_quarter(torch.cat((upsampled(quarter), half), 1))
+        half = self.half_out(self.lambda_half(half, lam))
+        return half, quarter, eighth
+
+    def encode(self, inputs: Tensor) -> Tensor:
+        """(B, F, 10, H, W) inputs to (B, F, features, H/2, W/2)."""
+        return self.encoder(inputs.flatten(0, 1)).unflatten(0, inputs.shape[:2])
+
+    def forward(self, batch: dict[str, Tensor], lam: Tensor) -> dict[str, Tensor]:
+        """Denoise the centre frames: `encode`, then `denoise`. batch also has `inputs` (B, T, 10, H, W), centre first."""
+        return self.denoise(self.encode(batch["inputs"]), batch, lam)
+
+    def denoise(self, features: Tensor, batch: dict[str, Tensor], lam: Tensor) -> dict[str, Tensor]:
+        """From the features (B, T, features, h, w), centre first.
+
+        batch: `colour` (B, T, 3, H, W) demodulated and `albedo` (B, T, 3, H, W), neighbours already warped; `valid`
+        (B, T, 1, H, W) in {0, 1}; `position` (B, T−1, 2, h, w) where each neighbour's features are sampled; `extras`
+        (B, T−1, EXTRAS, h, w), channel 0 the trust; `exposure` (B,) of the centre frame.
+        Returns `image` (B, 3, H, W) and the demodulated `colour`, `half`, `quarter`, `eighth` and the filtered `albedo`.
+        """
+        a = self.arch
+        t = features.shape[1]
+        pairs = [
+            torch.cat((warped(features[:, k], batch["position"][:, k - 1]), batch["extras"][:, k - 1].to(features.dtype)), 1)
+            for k in range(1, t)
+        ]
+        half, quarter, eighth = (F.relu(x) for x in self.trunk(features[:, 0], pairs, lam))
+        head = self.head_half(half)
+        n_centre, n_near, n_coarse, n_albedo = a.centre_taps**2, a.neighbour_taps**2, a.coarse_taps**2, a.albedo_taps**2
+        per_pixel = n_centre + n_coarse + n_albedo
+        full = subpixels(head[:, : 4 * per_pixel]).split((n_centre, n_coarse, n_albedo), 1)
+        half_logits = head[:, 4 * per_pixel :].split((n_centre, n_coarse), 1)
+        query = self.query_half(half)
+        full_queries, half_queries = [subpixels(query[:, : 4 * QUERIES])], [query[:, 4 * QUERIES :]]
+        near_full, near_half, near_albedo = [], [], []
+        half_base = self.pair_half_centre(half)
+        for pair in pairs:
+            hidden = F.relu(half_base + self.pair_half_neighbour(pair))
+            h, query = self.pair_half_head(hidden), self.pair_half_query(hidden)
+            near = subpixels(h[:, : 4 * (n_near + 1)])
+            near_full.append(near[:, :n_near])
+            near_albedo.append(near[:, n_near:])
+            near_half.append(h[:, 4 * (n_near + 1) :])
+            full_queries.append(subpixels(query[:, : 4 * QUERIES]))
+            half_queries.append(query[:, 4 * QUERIES :])
+        pairs = [F.avg_pool2d(pair, 2) for pair in pairs]
+        quarter_logits = self.head_quarter(quarter).split((n_centre, self.head_quarter.out_channels - n_centre), 1)
+        quarter_base = self.pair_quarter_centre(quarter)
+        hidden = [F.relu(quarter_base + self.pair_quarter_neighbour(pair)) for pair in pairs]
+        near_quarter = [self.pair_quarter_head(x) for x in hidden]
+        quarter_queries = [self.query_quarter(quarter), *(self.pair_quarter_query(x) for x in hidden)]
+
+        images = [(batch["colour"].float(), batch["valid"].float())]
+        for _ in range(a.levels - 1):
+            image, mask = down(images[-1][0].flatten(0, 1), images[-1][1].flatten(0, 1))
+            images.append((image.unflatten(0, (-1, t)), mask.unflatten(0, (-1, t))))
+        sizes = (a.centre_taps, *[a.neighbour_taps] * (t - 1))
+
+        def level(k: int, parts: list[Tensor], queries: list[Tensor], coarse: tuple[Tensor, Tensor] | None) -> tuple[Tensor, Tensor]:
+            """One pyramid level and where any tap was valid: holes are filled from the coarser levels.
+
+            The coarse taps are the paper's blend: their summed weight is α, their shares a predicted up-sampling kernel, so
+            o = (1 − α)·f + α·U(o_coarse) is a weighted average of rendered pixels.
+            """
+            keyed = torch.stack(queries, 1).float(), key_of(images[k][0], batch["exposure"])
+            out, norm = self.average(torch.cat(parts, 1), *images[k], sizes, coarse, a.coarse_taps, keyed)
+            return out, (norm > 0).float()
+
+        out_eighth = None
+        if a.levels > 3:
+            eighth_base = self.pair_eighth_centre(eighth)
+            hidden = [F.relu(eighth_base + self.pair_eighth_neighbour(F.avg_pool2d(pair, 2))) for pair in pairs]
+            near = [self.pair_eighth_head(x) for x in hidden]
+            eighth_queries = [self.query_eighth(eighth), *(self.pair_eighth_query(x) for x in hidden)]
+            out_eighth = level(3, [self.head_eighth(eighth), *near], eighth_queries, None)
+        out_quarter = level(2, [quarter_logits[0], *near_quarter, quarter_logits[1]], quarter_queries, out_eighth)
+        out_half = level(1, [half_logits[0], *near_half, half_logits[1]], half_queries, out_quarter)
+        out, _ = level(0, [full[0], *near_full, full[1]], full_queries, out_half)
+        albedo, norm = self.average(
+            torch.cat((full[2], *near_albedo), 1), batch["albedo"].float(), images[0][1], (a.albedo_taps, *[1] * (t - 1))
+        )
+        albedo = torch.where(norm > 0, albedo, batch["albedo"][:, 0].float())
+        return {"image": out * albedo, "colour": out, "half": out_half[0], "quarter": out_quarter[0], "albedo": albedo} | (
+            {"eighth": out_eighth[0]} if out_eighth else {}
+        )

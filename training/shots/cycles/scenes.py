@@ -1,0 +1,180 @@
+"""Random Cycles shots for training a denoiser: one seed, one shot (bpy 4.5 and 5)."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Sequence
+
+import bmesh
+import bpy
+from mathutils import Euler, Vector
+
+from training.shots.cycles.assets import Assets
+from training.shots.cycles.lights import environment, haze, lamps
+from training.shots.cycles.materials import material
+from training.shots.cycles.meshes import mesh
+
+MIDDLE = 6  # the frame that shows the pose as built
+
+
+def room(r: random.Random, size: float, assets: Assets) -> None:
+    """A box around the scene, most often with an opening."""
+    bpy.ops.mesh.primitive_cube_add(size=1, location=(0, 0, size * 0.6))
+    walls = bpy.context.object
+    walls.scale = (size * 2.4, size * 2.4, size * 1.2)
+    for _ in range(r.randint(2, 5)):
+        walls.data.materials.append(material(r, 1.2, assets, emits=False))
+    for face in walls.data.polygons:
+        face.material_index = r.randrange(len(walls.data.materials))
+    if r.random() < 0.6:
+        edit = bmesh.new()
+        edit.from_mesh(walls.data)
+        edit.faces.ensure_lookup_table()
+        side = r.choice([f for f in edit.faces if abs(f.normal.z) < 0.5 or f.normal.z > 0.5])
+        bmesh.ops.inset_individual(edit, faces=[side], thickness=r.uniform(0.15, 0.4))
+        bmesh.ops.delete(edit, geom=[side], context="FACES_ONLY")
+        edit.to_mesh(walls.data)
+        edit.free()
+
+
+def ground(r: random.Random, kind: str, size: float, assets: Assets) -> None:
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=80, y_subdivisions=80, size=size * r.choice([4, 8, 20]))
+    thing = bpy.context.object
+    thing.data.materials.append(material(r, 0.8, assets, emits=False))
+    if kind == "outdoor" or r.random() < 0.2:
+        hills = bpy.data.textures.new("t", r.choice(["CLOUDS", "MUSGRAVE", "VORONOI"]))
+        hills.noise_scale = r.uniform(0.5, 2)
+        displace = thing.modifiers.new("d", "DISPLACE")
+        displace.texture = hills
+        displace.strength = r.uniform(0.1, 0.8)
+
+
+def things(r: random.Random, kind: str, size: float, assets: Assets) -> list[bpy.types.Object]:
+    """The objects, scattered around the middle."""
+    made = []
+    for _ in range(r.randint(4, 10) if kind != "clutter" else r.randint(14, 26)):
+        thing = mesh(r, assets)
+        scale = r.uniform(0.25, 0.8) * (size / 3)
+        thing.scale = [c * scale for c in thing.scale]
+        angle, radius = r.uniform(0, 6.28), size * 0.75 * math.sqrt(r.random())
+        height = scale * r.uniform(0.3, 1.1)
+        if kind == "clutter" or r.random() < 0.2:
+            height += r.random() * size * 0.5
+        thing.location = (math.cos(angle) * radius, math.sin(angle) * radius, height)
+        thing.rotation_mode = "XYZ"
+        thing.rotation_euler = (r.uniform(-0.4, 0.4), r.uniform(-0.4, 0.4), r.uniform(0, 6.28))
+        if hasattr(thing.data, "materials"):
+            thing.data.materials.append(material(r, 1.5, assets))
+        made.append(thing)
+    return made
+
+
+def camera(r: random.Random, scene: bpy.types.Scene, target: Vector, distance: float) -> tuple[bpy.types.Object, Vector]:
+    """A camera that looks at the target, and the way from it to there; a quarter have depth of field."""
+    lens = bpy.data.cameras.new("cam")
+    eye = bpy.data.objects.new("cam", lens)
+    scene.collection.objects.link(eye)
+    scene.camera = eye
+    lens.lens = r.uniform(24, 80)
+    around, up = r.uniform(0, 2 * math.pi), r.uniform(0.08, 1.1)
+    ray = Vector((math.cos(around) * math.cos(up), math.sin(around) * math.cos(up), math.sin(up)))
+    position = target + ray * distance * lens.lens / 42
+    way = target - position
+    eye.rotation_mode = "QUATERNION"
+    eye.location = position
+    eye.rotation_quaternion = way.to_track_quat("-Z", "Y")
+    if r.random() < 0.25:
+        lens.dof.use_dof = True
+        lens.dof.focus_distance = way.length * r.uniform(0.7, 1.3)
+        lens.dof.aperture_fstop = math.exp(r.uniform(-1.2, 1.5))
+    return eye, way
+
+
+def animate(thing: bpy.types.Object, travel: Sequence[float], spin: Sequence[float]) -> None:
+    """Constant velocity over frames 1 to 11; `travel` in units a frame, `spin` in radians a frame."""
+    turns = thing.type == "CAMERA"  # those are in quaternions
+    where = thing.location.copy()
+    pose = (thing.rotation_quaternion if turns else thing.rotation_euler).copy()
+    for frame in (1, 11):
+        k = frame - MIDDLE
+        thing.location = where + Vector(travel) * k
+        if turns:
+            thing.rotation_quaternion = Euler([a * k for a in spin]).to_quaternion() @ pose
+        else:
+            thing.rotation_euler = [a + b * k for a, b in zip(pose, spin, strict=True)]
+        thing.keyframe_insert("location", frame=frame)
+        thing.keyframe_insert("rotation_quaternion" if turns else "rotation_euler", frame=frame)
+
+
+def move_camera(r: random.Random, eye: bpy.types.Object, way: Vector, step: float) -> str:
+    """Animates the camera; `step` is the travel that makes about one pixel a frame. Returns the kind of motion."""
+    speed = math.exp(r.uniform(-1, 2.0)) * step
+    kind = r.choices(["static", "truck", "dolly", "pan", "mix"], [0.15, 0.3, 0.15, 0.15, 0.25])[0]
+    travel, spin = Vector((0, 0, 0)), [0.0, 0.0, 0.0]
+    if kind in ("truck", "mix"):
+        travel += eye.rotation_quaternion @ Vector((r.gauss(0, 1), r.gauss(0, 0.5), 0)) * speed
+    if kind in ("dolly", "mix"):
+        travel += eye.rotation_quaternion @ Vector((0, 0, r.choice([-1, 1]))) * speed * 2
+    if kind in ("pan", "mix"):
+        spin[2] = r.gauss(0, 1) * speed / way.length
+    if kind != "static":
+        animate(eye, travel, spin)
+    return kind
+
+
+def settings(r: random.Random, scene: bpy.types.Scene) -> None:
+    """Cycles, the passes a denoiser wants, and a plain float EXR."""
+    cycles = scene.cycles
+    cycles.use_denoising = False
+    cycles.max_bounces = r.choice([4, 6, 12])
+    cycles.sample_clamp_indirect = r.choice([10, 10, 0])
+    cycles.caustics_reflective = cycles.caustics_refractive = r.random() < 0.5
+    cycles.blur_glossy = 1.0
+    scene.render.film_transparent = False
+    layer = scene.view_layers[0]
+    layer.cycles.denoising_store_passes = True
+    layer.use_pass_vector = True
+    layer.use_pass_z = True
+    image = scene.render.image_settings
+    if hasattr(image, "media_type"):  # Blender 5; it resets the rest, so it comes first
+        image.media_type = "MULTI_LAYER_IMAGE"
+    image.file_format = "OPEN_EXR_MULTILAYER"
+    image.color_depth = "32"
+    image.exr_codec = "NONE"
+    scene.render.use_persistent_data = True
+
+
+def build(seed: int, assets: Assets) -> tuple[random.Random, str, str]:
+    """Empties Blender and builds the seed's shot. Returns the generator for further draws, the kinds of scene and of motion."""
+    r = random.Random(seed)
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.context.preferences.edit.keyframe_new_interpolation_type = "LINEAR"
+    scene = bpy.context.scene
+    scene.render.engine = "CYCLES"
+    scene.frame_set(MIDDLE)
+    kind = r.choices(["studio", "room", "outdoor", "clutter"], [0.3, 0.3, 0.2, 0.2])[0]
+    size, background = environment(r, scene, kind, assets)
+    if kind == "room":
+        room(r, size, assets)
+    else:
+        ground(r, kind, size, assets)
+    made = things(r, kind, size, assets)
+    lights = lamps(r, scene, kind, size, background)
+    haze(r, size)
+    target = Vector((r.gauss(0, size * 0.2), r.gauss(0, size * 0.2), size * r.uniform(0.1, 0.4)))
+    eye, way = camera(r, scene, target, size * (r.uniform(0.5, 1.0) if kind == "room" else r.uniform(0.7, 1.6)))
+    if kind == "room":  # stay inside
+        limit = size * 1.12
+        eye.location = [max(-limit, min(limit, c)) for c in eye.location]
+        eye.location.z = max(0.1 * size, min(size * 1.1, eye.location.z))
+        eye.rotation_quaternion = (target - eye.location).to_track_quat("-Z", "Y")
+    step = (target - eye.location).length * 36 / eye.data.lens / 128
+    motion = move_camera(r, eye, way, step)
+    if r.random() < 0.65 or motion == "static":
+        for thing in r.sample(made, min(len(made), r.randint(1, 5))):
+            animate(thing, [r.gauss(0, 1) * step * 2.5 for _ in range(3)], [r.gauss(0, 0.04) for _ in range(3)])
+    if lights and r.random() < 0.1:
+        animate(r.choice(lights), [r.gauss(0, 1) * step * 3 for _ in range(3)], [0, 0, 0])
+    settings(r, scene)
+    return r, kind, motion
