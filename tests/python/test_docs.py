@@ -128,6 +128,17 @@ def test_every_name_of_the_python_module_is_in_the_docs() -> None:
     assert [name for name in names if not re.search(rf"\b{name}\b", text)] == []
 
 
+@pytest.mark.parametrize("page", OF_TODAY, ids=name_of)
+def test_files_that_are_named_exist(page: Path) -> None:
+    named = re.findall(r"`((?:src|tests|benches|training|python|blender_addon|farm|fuzz|samples|models|docs)/[\w./-]*)`", page.read_text())
+    assert sorted({path for path in named if not (ROOT / path).exists()}) == []
+
+
+def test_every_room_is_on_the_floor_plan() -> None:
+    rooms = re.findall(r"^\| `(\w+)` \|", (ROOT / "docs" / "architecture.md").read_text(), re.MULTILINE)
+    assert [path.name for path in (ROOT / "src").iterdir() if path.is_dir() and path.name not in rooms] == []
+
+
 def test_no_picture_is_left_over() -> None:
     shown = {link.split("#")[0].rsplit("/", 1)[-1] for page in PAGES for link in LINK.findall(page.read_text())}
     pictures = [p.name for p in (ROOT / "docs").iterdir() if p.suffix in {".png", ".svg"}]
