@@ -1,4 +1,4 @@
-"""Makes the picture pair of the README: a crop of one frame, noisy, denoised by Hush, and the reference, side by side.
+"""Makes the picture of samples/README.md: a crop of one frame, noisy, denoised by Hush, and the reference, side by side.
 
     pip install numpy OpenEXR pillow
     python samples/pictures.py denoised

@@ -29,7 +29,7 @@ def denoise_sequence(
             files that are named, the others of their sequence beside them are not written, but help. None for what `settings` or
             `usd` name.
         output: The folder to write to, created if need be; never the folder of the inputs. None for what the shot's settings say.
-        progress: Called in this thread with each event as a dict, see "JSON events" in the README. The run waits for it.
+        progress: Called in this thread with each event as a dict, see "JSON events" in docs/command-line.md. The run waits for it.
         cancel: Called in this thread at least every tenth of a second; the run stops after the frame in hand once it returns true.
         **settings: See `SequenceSettings`. Values that come from files are told by a warning of kind `setting` that names the file.
 

@@ -1,4 +1,4 @@
-"""The script that makes the README's picture."""
+"""The script that makes the picture of samples/README.md."""
 
 from __future__ import annotations
 
