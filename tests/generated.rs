@@ -35,6 +35,7 @@ fn the_table_in_the_docs_is_current() {
         };
         let python = match setting.name.split_once('.') {
             Some((table, key)) => format!("`{table}={{\"{key}\": …}}`"),
+            None if setting.name == "input" => "`inputs`".into(),
             None => format!("`{}`", setting.python()),
         };
         let (default, help) = (setting.default, setting.help());
