@@ -5,28 +5,42 @@
 //! [`engine`] runs that chain over a window of frames in memory, [`shot`] over the files of a shot,
 //! [`watch`] over a folder that is still being filled; [`report`] measures it.
 
+#[doc(hidden)]
 pub mod cli;
 pub mod engine;
 pub mod error;
 pub mod frame;
 pub mod io;
-pub mod kernels;
-pub mod metrics;
-pub mod network;
-pub mod picture;
+mod kernels;
+mod metrics;
+mod network;
+mod picture;
 pub mod preview;
 #[cfg(feature = "python")]
 mod python;
-pub mod report;
-pub mod rules;
+mod report;
+mod rules;
 pub mod settings;
 pub mod shot;
-pub mod simd;
-pub mod stability;
-pub mod tiles;
+mod simd;
+mod stability;
+mod tiles;
 pub mod watch;
 mod words;
 
 pub use engine::{Denoised, EncodedFrame, Engine, Settings};
 pub use error::{Error, Result};
 pub use frame::{Aov, Frame, FrameView};
+
+/// What only this project's own tests and benches use; it may change at any time.
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub mod internals {
+    pub use crate::metrics::{EvaluateOptions, evaluate};
+    pub use crate::network::body::Body;
+    pub use crate::network::levels::kernel_reach;
+    pub use crate::report::{Options, REACH, measure};
+    pub use crate::simd::{Activation, Conv, Epilogue, Winograd};
+    pub use crate::stability::{Case, CheckRow, HAZARDS, Suite, rendered, summary};
+    pub use crate::tiles::{Rect, Tile, tiles};
+}

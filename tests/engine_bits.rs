@@ -3,11 +3,11 @@
 mod engine_support;
 
 use engine_support::*;
-use hush::network::body::Body;
-use hush::network::levels::kernel_reach;
-use hush::network::weights::Weights;
-use hush::simd::Isa;
-use hush::tiles::{Rect, Tile, tiles};
+use hush::engine::Isa;
+use hush::engine::Weights;
+use hush::internals::Body;
+use hush::internals::kernel_reach;
+use hush::internals::{Rect, Tile, tiles};
 use hush::{Denoised, Engine, Frame};
 use ndarray::{Array3, Axis, ShapeBuilder};
 

@@ -5,8 +5,8 @@ mod engine_support;
 use std::sync::LazyLock;
 
 use engine_support::*;
-use hush::network::weights::Weights;
-use hush::simd::Isa;
+use hush::engine::Isa;
+use hush::engine::Weights;
 use hush::{Aov, Denoised, EncodedFrame, Engine, Error, Frame, Settings};
 use ndarray::{Array2, Array3};
 

@@ -3,7 +3,7 @@
 mod engine_support;
 
 use engine_support::*;
-use hush::rules::skip::{LeftOut, RULES, Rule, Skip};
+use hush::engine::{LeftOut, RULES, Rule, Skip};
 use hush::{Denoised, Engine, Frame};
 use ndarray::{Array2, Array3, s};
 

@@ -9,10 +9,10 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
 use common::{Look, Shot, name, write_frame};
+use hush::internals::{EvaluateOptions, evaluate};
+use hush::internals::{Options, REACH, measure};
 use hush::io::Selection;
 use hush::io::sequence::Sequence;
-use hush::metrics::{EvaluateOptions, evaluate};
-use hush::report::{Options, REACH, measure};
 use hush::shot::{CancelToken, Scope};
 use hush::{Engine, Settings};
 use serde_json::Value;

@@ -8,7 +8,7 @@ use std::time::{Duration, SystemTime};
 
 use common::{Look, Shot, name, write_frame};
 use hush::io::sequence::Sequence;
-use hush::rules::lambda::Lambda;
+use hush::settings::Lambda;
 use hush::settings::{Guide, ShotSettings};
 use hush::shot::{Checked, FrameState, Job, SequenceCheck, StaleKind, Status};
 

@@ -28,7 +28,7 @@ fn every_frame_is_written_the_first_and_the_last_included() {
     let manifest = shot.manifest();
     let entry = &manifest.frames[&name(1)];
     assert_eq!((entry.status, entry.neighbours.len()), (Status::Denoised, 4));
-    assert_eq!(entry.neighbours[0].reason, Some(hush::rules::window::Unused::EndOfShot));
+    assert_eq!(entry.neighbours[0].reason, Some(hush::shot::Unused::EndOfShot));
     assert!(entry.source.is_absolute());
     assert_eq!(manifest.settings[&entry.settings].window, 2);
 }

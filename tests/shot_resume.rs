@@ -6,7 +6,7 @@ use std::fs;
 use std::time::SystemTime;
 
 use common::{Look, Shot, name, write_frame};
-use hush::rules::lambda::Lambda;
+use hush::settings::Lambda;
 use hush::shot::{CancelToken, Event, Job, MANIFEST, Status};
 
 fn modified(shot: &Shot, number: i64) -> SystemTime {

@@ -6,9 +6,9 @@ use std::path::Path;
 use std::sync::LazyLock;
 
 use engine_support::SMALL_MODEL;
+use hush::engine::Weights;
+use hush::internals::{Case, CheckRow, HAZARDS, Suite, rendered, summary};
 use hush::io::{Selection, read_frame, read_layout, resolve};
-use hush::network::weights::Weights;
-use hush::stability::{Case, CheckRow, HAZARDS, Suite, rendered, summary};
 use hush::{Engine, Frame, Settings};
 use ndarray::s;
 use proptest::prelude::*;

@@ -35,3 +35,7 @@ pub use query::ShotQuery;
 pub use setting::{Effect, Setting};
 pub use table::{Guide, NOT_OF_A_PREVIEW, SETTINGS, ShotSettings};
 pub use usd::StageRef;
+
+pub use crate::rules::frames::FrameSet;
+pub use crate::rules::lambda::Lambda;
+pub use crate::rules::skip::Rule;

@@ -43,5 +43,8 @@ pub use output::remove_unfinished;
 pub use prepare::{Action, Plan, PlannedFrame};
 pub use run::{Runner, run};
 pub use scope::Scope;
+
+pub use crate::rules::checks::{Warning, WarningKind};
+pub use crate::rules::window::{Neighbour, Unused};
 pub(crate) use source::has_vector;
 pub use survey::{RuleSummary, Survey, SurveyedFrame, Timing, Unread, survey};

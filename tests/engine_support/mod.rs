@@ -1,9 +1,9 @@
 //! Synthetic frames and small engines for the tests of the engine.
 #![allow(dead_code, reason = "each test file uses its own part")]
 
-use hush::network::weights::Weights;
-use hush::rules::skip::Skip;
-use hush::simd::Isa;
+use hush::engine::Isa;
+use hush::engine::Skip;
+use hush::engine::Weights;
 use hush::{Denoised, EncodedFrame, Engine, Frame, Settings};
 use ndarray::{Array2, Array3};
 
