@@ -247,7 +247,7 @@ PREPARE = ("passes", "seed", "denoising", "format", "motion_blur")
 
 
 def apply(scene: bpy.types.Scene, steps: tuple[str, ...] = PREPARE) -> list[str]:
-    """Does the steps and tells each change in words; nothing changes, nothing changed.
+    """Does the steps and returns each change in words.
 
     Raises:
         Refusal: The scene is not rendered with Cycles, or cannot be changed.
@@ -267,7 +267,7 @@ def undo(scene: bpy.types.Scene) -> list[str]:
     """Puts back what was there before; what was changed by hand since stays. Tells what could not be put back."""
     record = Record(scene)
     left = []
-    # All are looked at before any is set: setting one, such as the file format, left others.
+    # All are looked at before any is set: setting one, such as the file format, changes others.
     by_hand = [entry for entry in record.values if _now(record, entry) not in entry[2:]]
     for entry in record.values:
         path, name, before, _ = entry

@@ -9,7 +9,7 @@ import signal
 import sys
 import time
 from pathlib import Path
-from types import MethodType, SimpleNamespace
+from types import SimpleNamespace
 
 import bpy
 import fingerprint
@@ -25,6 +25,7 @@ from composites import (
     tree_of,
     untouched,
 )
+from windows import Window
 
 TIME_LIMIT = 600.0
 
@@ -104,43 +105,26 @@ runpy.run_path(sys.argv[sys.argv.index("--python") + 1], run_name="__main__")
     assert kit.files(folder / "composited") == ["frame_0001.exr", "frame_0002.exr"]
 
 
-class Window:
-    """Stands in for Blender's window: what the operator would show and report."""
+def operator(window: Window) -> SimpleNamespace:
+    return window.operator(composite.HUSH_OT_composite_shot, allow_stale=False)
 
-    def __init__(self, scene: bpy.types.Scene) -> None:
-        nothing = lambda *_: None
-        self.shown: list[str | None] = []
-        self.reports: list[tuple[str, str]] = []
-        self.window_manager = SimpleNamespace(
-            progress_begin=nothing, progress_update=nothing, progress_end=nothing, event_timer_remove=nothing
-        )
-        self.workspace = SimpleNamespace(status_text_set=self.shown.append)
-        self.scene = scene
 
-    def operator(self) -> SimpleNamespace:
-        """The operator's own functions on an object that is not Blender's."""
-        fake = SimpleNamespace(scene="", allow_stale=False, _timer=object())
-        for name in ("_begin", "_show", "_hide", "_finish", "_outcome", "_ended", "modal", "cancel"):
-            setattr(fake, name, MethodType(getattr(composite.HUSH_OT_composite_shot, name), fake))
-        fake.report = lambda level, text: self.reports.append((*level, text))
-        return fake
-
-    def run(self, stop_when: Path | None = None) -> set[str]:
-        """The timer until the operator ends; Esc once a file is there."""
-        fake, before = self.operator(), fingerprint.take()
-        assert fake._begin(self)
-        until = time.monotonic() + 60
-        while time.monotonic() < until:
-            if stop_when is not None and stop_when.exists():
-                assert fake.modal(self, SimpleNamespace(type="ESC", value="PRESS")) == {"RUNNING_MODAL"}
-                stop_when = None
-            result = fake.modal(self, SimpleNamespace(type="TIMER", value="PRESS"))
-            if result != {"PASS_THROUGH"}:
-                changed = fingerprint.changes(before, fingerprint.take())
-                assert not changed, changed
-                return result
-            time.sleep(0.005)
-        raise AssertionError("the operator does not end")
+def run(window: Window, stop_when: Path | None = None) -> set[str]:
+    """The timer until the operator ends; Esc once a file is there."""
+    fake, before = operator(window), fingerprint.take()
+    assert fake._begin(window)
+    until = time.monotonic() + 60
+    while time.monotonic() < until:
+        if stop_when is not None and stop_when.exists():
+            assert fake.modal(window, SimpleNamespace(type="ESC", value="PRESS")) == {"RUNNING_MODAL"}
+            stop_when = None
+        result = fake.modal(window, SimpleNamespace(type="TIMER", value="PRESS"))
+        if result != {"PASS_THROUGH"}:
+            changed = fingerprint.changes(before, fingerprint.take())
+            assert not changed, changed
+            return result
+        time.sleep(0.005)
+    raise AssertionError("the operator does not end")
 
 
 def long_scene(name: str) -> tuple[bpy.types.Scene, Path]:
@@ -158,16 +142,16 @@ def long_scene(name: str) -> tuple[bpy.types.Scene, Path]:
 
 def test_in_a_window_it_is_shown_and_esc_stops_after_the_frame_in_hand() -> None:
     scene, folder = long_scene("window")
-    window = Window(scene)
-    result = window.run(stop_when=folder / "composited" / "frame_0002.exr")
+    window = Window()
+    result = run(window, stop_when=folder / "composited" / "frame_0002.exr")
     made = kit.files(folder / "composited")
     assert result == {"CANCELLED"} and "stopped" in window.reports[-1][1] and 2 <= len(made) < 60, (result, window.reports, made)
     assert any("Compositing frame" in str(text) for text in window.shown), window.shown
     for name in made:
         kit.assert_close(plain(folder / "composited" / name), combined(folder / "denoised" / name), HALF, name)
     scene.frame_end = 3
-    window = Window(scene)
-    assert window.run() == {"FINISHED"} and "3 frames composited" in window.reports[-1][1], window.reports
+    window = Window()
+    assert run(window) == {"FINISHED"} and "3 frames composited" in window.reports[-1][1], window.reports
 
 
 def test_another_file_may_be_opened_or_the_scene_removed_meanwhile() -> None:
@@ -180,8 +164,8 @@ def test_another_file_may_be_opened_or_the_scene_removed_meanwhile() -> None:
     assert result == "FINISHED" and len(kit.files(folder / "composited")) == 3, reports
     scene, folder = denoised_scene("closed")
     tree_of(scene, node=True)
-    window = Window(scene)
-    fake = window.operator()
+    window = Window()
+    fake = operator(window)
     assert fake._begin(window)
     fake.cancel(window)
     assert job.current() is None and fake._job._process.poll() is not None

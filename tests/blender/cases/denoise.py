@@ -8,11 +8,12 @@ import shutil
 import signal
 import time
 from pathlib import Path
-from types import MethodType, SimpleNamespace
+from types import SimpleNamespace
 
 import bpy
 import kit
 import numpy as np
+from windows import Window
 
 denoise = kit.module("denoising.denoise")
 job = kit.module("jobs.job")
@@ -345,31 +346,10 @@ def test_a_folder_with_odd_letters() -> None:
     assert images(frames / "denoised") == NAMES[:2]
 
 
-class Window:
-    """Stands in for Blender's window: what the operator would show and report."""
-
-    def __init__(self) -> None:
-        self.shown: list[str | None] = []
-        self.reports: list[tuple[str, str]] = []
-        self.removed = False
-        nothing = lambda *_: None
-        self.window_manager = SimpleNamespace(
-            progress_begin=nothing, progress_update=nothing, progress_end=nothing, event_timer_remove=self.remove
-        )
-        self.workspace = SimpleNamespace(status_text_set=self.shown.append)
-        self.scene = bpy.context.scene
-
-    def remove(self, _timer: object) -> None:
-        self.removed = True
-
-    def operator(self) -> SimpleNamespace:
-        """The operator's own functions on an object that is not Blender's."""
-        kind = denoise.HUSH_OT_denoise_shot
-        fake = SimpleNamespace(input_filepath="", output_filepath="", overwrite=False, scene="", _timer=object())
-        for name in ("scene_of", "_begin", "_start", "_show", "_hide", "_finish", "_outcome", "_ended", "modal", "cancel"):
-            setattr(fake, name, MethodType(getattr(kind, name), fake))
-        fake.report = lambda level, text: self.reports.append((*level, text))
-        return fake
+def opened() -> tuple[Window, SimpleNamespace]:
+    """A window, and Denoise Shot in it."""
+    window = Window()
+    return window, window.operator(denoise.HUSH_OT_denoise_shot, input_filepath="", output_filepath="", overwrite=False)
 
 
 def press(fake: SimpleNamespace, window: Window, kind: str) -> set[str]:
@@ -387,8 +367,7 @@ def ticks(fake: SimpleNamespace, window: Window) -> set[str]:
 
 def test_in_a_window_progress_is_shown_and_events_pass() -> None:
     _, frames = shot_scene("window")
-    window = Window()
-    fake = window.operator()
+    window, fake = opened()
     assert fake._begin(window)
     assert press(fake, window, "MOUSEMOVE") == {"PASS_THROUGH"}
     assert ticks(fake, window) == {"FINISHED"}
@@ -399,8 +378,7 @@ def test_in_a_window_progress_is_shown_and_events_pass() -> None:
 
 def test_in_a_window_esc_stops_after_the_frame_in_hand() -> None:
     _, frames, names = long_scene("esc")
-    window = Window()
-    fake = window.operator()
+    window, fake = opened()
     assert fake._begin(window)
     while not (frames / "denoised" / names[0]).exists():
         press(fake, window, "TIMER")
@@ -413,8 +391,7 @@ def test_in_a_window_esc_stops_after_the_frame_in_hand() -> None:
 
 def test_opening_another_file_stops_it() -> None:
     long_scene("another")
-    window = Window()
-    fake = window.operator()
+    window, fake = opened()
     assert fake._begin(window)
     fake.cancel(window)
     assert job.current() is None and fake._job._process.poll() is not None
