@@ -53,7 +53,7 @@ def preview(
         OSError: A file that cannot be read.
         HushError: A file that is no usable EXR, a window without a Vector pass, unusable weights; "stopped" after `cancel`.
     """
-    options = shot_options(inputs, "", settings, ShotSettings)
+    options = shot_options(inputs, None, settings, ShotSettings)
     options.update(frame=frame, lams=_several(lam), windows=_several(window), region=region, flicker=flicker)
     return _hush.preview(options, progress, cancel)
 
@@ -91,7 +91,7 @@ def preview_sheet(
     Raises:
         The same as `preview`.
     """
-    options = shot_options(inputs, "", settings, ShotSettings)
+    options = shot_options(inputs, None, settings, ShotSettings)
     options.update(frame=frame, lams=_several(lam), windows=_several(window), region=region, flicker=flicker)
     options.update(sheet=os.fspath(output), before_after=before_after, exposure=exposure)
     return _hush.preview_sheet(options, progress, cancel)

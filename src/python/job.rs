@@ -4,10 +4,9 @@ use std::path::PathBuf;
 
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyFloat, PyMapping, PyString};
+use pyo3::types::{PyDict, PyMapping, PyString};
 use serde_json::{Map, Number, Value};
 
-use crate::engine::Engine;
 use crate::error::Result;
 use crate::io::sequence::Sequence;
 use crate::settings::{Layered, Origin, SETTINGS, ShotQuery, StageRef, Unfit};
@@ -45,23 +44,21 @@ impl Keywords {
 
     /// The job. Without frames on disk an error.
     pub fn job(&self) -> Result<Job> {
-        self.job_for(self.query.find()?)
-    }
-
-    /// The job and the engine for it.
-    pub fn job_and_engine(&self) -> Result<(Job, Engine)> {
-        let job = self.job()?;
-        let engine = job.settings.engine()?;
-        Ok((job, engine))
+        self.job_for(self.shot()?, None)
     }
 
     /// As [`Keywords::job`]; where no frames are on disk, the sequence is empty.
     pub fn job_even_unrendered(&self) -> Result<Job> {
-        self.job_for(self.query.find_even_unrendered()?)
+        self.job_for(self.query.find_even_unrendered()?, None)
     }
 
-    fn job_for(&self, (sequence, settings): (Sequence, Layered)) -> Result<Job> {
-        let mut job = Job { overwrite: self.overwrite, strict: self.strict, ..Job::of(&settings, sequence, None)? };
+    /// A job that is never run: it says what a run would read.
+    pub fn job_without_output(&self) -> Result<Job> {
+        self.job_for(self.shot()?, Some(PathBuf::new()))
+    }
+
+    fn job_for(&self, (sequence, settings): (Sequence, Layered), output: Option<PathBuf>) -> Result<Job> {
+        let mut job = Job { overwrite: self.overwrite, strict: self.strict, ..Job::of(&settings, sequence, output)? };
         job.notes.extend(settings.from_files());
         Ok(job)
     }
@@ -100,8 +97,12 @@ fn as_json(value: &Bound<'_, PyAny>) -> PyResult<Value> {
     if value.is_instance_of::<PyString>() {
         return Ok(value.extract::<String>()?.into());
     }
-    if let Ok(number) = value.extract::<i64>().map(Number::from).or_else(|_| float(value)) {
+    if let Ok(number) = value.extract::<i64>() {
         return Ok(number.into());
+    }
+    if let Ok(number) = value.extract::<f64>() {
+        let sound = Number::from_f64(number).map(Value::from);
+        return sound.ok_or_else(|| PyValueError::new_err(format!("{number} is no number that can be used")));
     }
     if let Ok(path) = value.extract::<PathBuf>() {
         return Ok(path.to_string_lossy().into());
@@ -116,11 +117,6 @@ fn as_json(value: &Bound<'_, PyAny>) -> PyResult<Value> {
         return pairs.iter().map(|(key, value)| Ok(Value::Array(vec![as_json(key)?, as_json(value)?]))).collect();
     }
     value.try_iter()?.map(|item| as_json(&item?)).collect()
-}
-
-fn float(value: &Bound<'_, PyAny>) -> PyResult<Number> {
-    let number = if value.is_instance_of::<PyFloat>() { value.extract() } else { value.call_method0("__float__")?.extract() };
-    Number::from_f64(number?).ok_or_else(|| PyValueError::new_err("is no number that can be used"))
 }
 
 /// A keyword's value; one of another type is a TypeError that names it.

@@ -121,7 +121,8 @@ fn made(py: Python<'_>, options: &Bound<'_, PyDict>, calls: Calls) -> PyResult<P
     let region: Option<(usize, usize, usize, usize)> = get(options, "region")?;
     let region = region.map(|(x, y, width, height)| format!("{x},{y},{width},{height}").parse::<Region>()).transpose()?;
     let (frame, flicker): (i64, bool) = (get(options, "frame")?, get(options, "flicker")?);
-    let (job, engine) = py.detach(|| keywords.job_and_engine())?;
+    let job = py.detach(|| keywords.job_without_output())?;
+    let engine = py.detach(|| job.settings.engine())?;
     let request = Request {
         frame,
         lambdas: if lambdas.is_empty() { vec![job.lambda().at(frame)] } else { lambdas },

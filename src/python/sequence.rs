@@ -32,7 +32,8 @@ pub fn dry_run_sequence(py: Python<'_>, options: &Bound<'_, PyDict>) -> PyResult
     let keywords = Keywords::new(options)?;
     let plan = py.detach(|| {
         // Weights, memory and threads are refused here as they would be by the run.
-        let (job, _) = keywords.job_and_engine()?;
+        let job = keywords.job()?;
+        job.settings.engine()?;
         Plan::new(&job)
     });
     to_json(&plan?)
@@ -82,7 +83,8 @@ pub fn denoise_sequence(
     cancel: Option<Py<PyAny>>,
 ) -> PyResult<String> {
     let keywords = Keywords::new(options)?;
-    let (job, engine) = py.detach(|| keywords.job_and_engine())?;
+    let job = py.detach(|| keywords.job())?;
+    let engine = py.detach(|| job.settings.engine())?;
     let calls = Calls { progress, cancel, token: CancelToken::new(), failed: None };
     let (summary, failed) = py.detach(move || run_beside(&job, &engine, calls));
     failed.map_or(Ok(()), Err)?;

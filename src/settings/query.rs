@@ -82,7 +82,7 @@ impl ShotQuery {
         }
         let reason =
             "is missing: name the frames, or a stage or settings file that names them (set usd to FILE, set settings to FILE)";
-        let missing = || Error::BadInput { input: "input".into(), reason: reason.into() };
+        let missing = || Error::BadInput { input: "inputs".into(), reason: reason.into() };
         Ok(vec![self.settings(None)?.values.input.ok_or_else(missing)?])
     }
 }
