@@ -12,7 +12,7 @@ use common::{Look, Shot, name, write_frame};
 use hush::io::Selection;
 use hush::io::sequence::Sequence;
 use hush::metrics::{EvaluateOptions, evaluate};
-use hush::report::{Options, REACH, measure};
+use hush::report::{MeasureOptions, REACH, measure};
 use hush::shot::{CancelToken, Scope};
 use hush::{Engine, Settings};
 use serde_json::Value;
@@ -275,8 +275,14 @@ fn estimate_on_the_sample_shot() {
     let sequence = Sequence::find(&[samples.join("shot")]).unwrap();
     let frames = "4-5".parse().unwrap();
     let scope = Scope::open(&sequence, &Selection::default(), Some(&frames), None, REACH).unwrap();
-    let options =
-        Options { reference: Some(samples.join("reference")), repeats: 1, chosen: true, oidn: None, layer: None, view: None };
+    let options = MeasureOptions {
+        reference: Some(samples.join("reference")),
+        repeats: 1,
+        chosen: true,
+        oidn: None,
+        layer: None,
+        view: None,
+    };
     let engine = Engine::new(Settings::default()).unwrap();
     let measured = measure(&scope, &engine, &options, &|_, _| (), &CancelToken::new()).unwrap();
     let checks = &measured.report.checks;

@@ -9,7 +9,7 @@ use super::shot_args::ShotArgs;
 use super::signals::stop_handler;
 use super::{CatchSignals, Exit, print, say};
 use crate::error::{Error, Result};
-use crate::report::{Measured, Oidn, Options, PAGE, REACH, measure, prepare, write};
+use crate::report::{MeasureOptions, Measured, Oidn, PAGE, REACH, measure, prepare, write};
 use crate::rules::skip::Skip;
 use crate::shot::{CancelToken, Scope};
 use crate::stability;
@@ -53,7 +53,7 @@ pub(super) fn report(args: &ReportArgs, catch_signals: CatchSignals) -> Result<E
     prepare(&args.output)?;
     let engine = args.shot.engine(Skip::default())?;
     let oidn = if args.no_oidn { None } else { Oidn::find(args.oidn.as_deref())? };
-    let options = Options {
+    let options = MeasureOptions {
         reference: args.reference.clone(),
         repeats: usize::from(args.repeats),
         chosen: args.shot.frames.is_some(),
