@@ -36,8 +36,9 @@ pub struct Preview {
     pub sequence: String,
     /// Number of the frame.
     pub frame: i64,
-    /// Of the whole frame.
+    /// Height of the whole frame, in pixels.
     pub rows: usize,
+    /// Width of the whole frame, in pixels.
     pub columns: usize,
     /// What is shown of it.
     pub region: Region,

@@ -171,21 +171,21 @@ fn seen(path: &[&Frame], light: ArrayView3<f32>, later: bool, y: usize, x: usize
     if (home.0 - start.0).abs().max((home.1 - start.1).abs()) > MISS {
         return None;
     }
-    let corners = Corners::new(place, rows, columns);
+    let around = Bilinear::new(place, rows, columns);
     if let (Some(a), Some(b)) = (&first.albedo, &last.albedo) {
-        (0..3).all(|c| (a[[y, x, c]] - corners.sample(|y, x| b[[y, x, c]])).abs() < ALBEDO).then_some(())?;
+        (0..3).all(|c| (a[[y, x, c]] - around.sample(|y, x| b[[y, x, c]])).abs() < ALBEDO).then_some(())?;
     }
     if let (Some(a), Some(b)) = (&first.normal, &last.normal) {
-        (0..3).all(|c| (a[[y, x, c]] - corners.sample(|y, x| b[[y, x, c]])).abs() < NORMAL).then_some(())?;
+        (0..3).all(|c| (a[[y, x, c]] - around.sample(|y, x| b[[y, x, c]])).abs() < NORMAL).then_some(())?;
     }
     if let (Some(a), Some(b)) = (&first.depth, &last.depth) {
-        same_depth(a.view(), y, x, corners.sample(|y, x| b[[y, x]])).then_some(())?;
+        same_depth(a.view(), y, x, around.sample(|y, x| b[[y, x]])).then_some(())?;
     }
     let reflects =
         |f: &Frame, y: usize, x: usize, c: usize| f.albedo.as_ref().map_or(1.0, |a| a[[y, x, c]].clamp(0.0, 1.0) + DARK);
     let colour = [0, 1, 2].map(|c| {
         let bare = |y: usize, x: usize| light[[y, x, c]] / reflects(last, y, x, c);
-        corners.sample(bare) * reflects(first, y, x, c)
+        around.sample(bare) * reflects(first, y, x, c)
     });
     colour.iter().all(|v| v.is_finite()).then_some(colour)
 }
@@ -196,13 +196,13 @@ fn same_depth(own: ArrayView2<f32>, y: usize, x: usize, other: f32) -> bool {
 }
 
 /// The four pixels around a place.
-struct Corners {
+struct Bilinear {
     row: [usize; 2],
     column: [usize; 2],
     weights: [f32; 4],
 }
 
-impl Corners {
+impl Bilinear {
     fn new((x, y): (f32, f32), rows: usize, columns: usize) -> Self {
         let (left, top) = (x as usize, y as usize);
         let (fx, fy) = (x - left as f32, y - top as f32);
