@@ -68,7 +68,7 @@ pub mod internals {
     pub use crate::metrics::{EvaluateOptions, evaluate};
     pub use crate::network::body::Body;
     pub use crate::network::levels::kernel_reach;
-    pub use crate::report::{Options, REACH, measure};
+    pub use crate::report::{MeasureOptions, REACH, measure};
     pub use crate::simd::{Activation, Conv, Epilogue, Winograd};
     pub use crate::stability::{Case, CheckRow, HAZARDS, Suite, rendered, summary};
     pub use crate::tiles::{Rect, Tile, tiles};

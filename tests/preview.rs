@@ -131,7 +131,8 @@ fn hush(shot: &Shot, args: &[&str]) -> Output {
 fn the_command_writes_a_sheet_with_the_settings_beside_the_frames() {
     let shot = Shot::new(1..=5, Look { columns: 64, rows: 48, ..Look::default() });
     std::fs::write(shot.folder().join("hush.toml"), "lambda = 4\nwindow = 1\n").unwrap();
-    let size = |name: &str| tiny_skia::Pixmap::load_png(shot.dir.path().join(name)).map(|p| (p.width(), p.height())).unwrap();
+    let size =
+        |name: &str| resvg::tiny_skia::Pixmap::load_png(shot.dir.path().join(name)).map(|p| (p.width(), p.height())).unwrap();
     let text = |o: &Output| (String::from_utf8_lossy(&o.stdout).into_owned(), String::from_utf8_lossy(&o.stderr).into_owned());
     let plain = hush(&shot, &["preview", "shot", "--frame", "3", "--output", "plain.png"]);
     assert!(plain.status.success(), "{plain:?}");

@@ -9,8 +9,7 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
 use common::{Look, Shot, name, write_frame};
-use hush::internals::{EvaluateOptions, evaluate};
-use hush::internals::{Options, REACH, measure};
+use hush::internals::{EvaluateOptions, MeasureOptions, REACH, evaluate, measure};
 use hush::io::Selection;
 use hush::io::sequence::Sequence;
 use hush::shot::{CancelToken, Scope};
@@ -275,8 +274,14 @@ fn estimate_on_the_sample_shot() {
     let sequence = Sequence::find(&[samples.join("shot")]).unwrap();
     let frames = "4-5".parse().unwrap();
     let scope = Scope::open(&sequence, &Selection::default(), Some(&frames), None, REACH).unwrap();
-    let options =
-        Options { reference: Some(samples.join("reference")), repeats: 1, chosen: true, oidn: None, layer: None, view: None };
+    let options = MeasureOptions {
+        reference: Some(samples.join("reference")),
+        repeats: 1,
+        chosen: true,
+        oidn: None,
+        layer: None,
+        view: None,
+    };
     let engine = Engine::new(Settings::default()).unwrap();
     let measured = measure(&scope, &engine, &options, &|_, _| (), &CancelToken::new()).unwrap();
     let checks = &measured.report.checks;

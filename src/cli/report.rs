@@ -10,7 +10,7 @@ use super::signals::stop_handler;
 use super::{CatchSignals, Exit, print, say};
 use crate::error::{Error, Result};
 use crate::network::weights::Weights;
-use crate::report::{Measured, Oidn, Options, PAGE, REACH, measure, prepare, write};
+use crate::report::{MeasureOptions, Measured, Oidn, PAGE, REACH, measure, prepare, write};
 use crate::settings::ShotSettings;
 use crate::shot::{CancelToken, Scope};
 use crate::stability;
@@ -61,7 +61,7 @@ pub(super) fn report(args: &ReportArgs, catch_signals: CatchSignals) -> Result<E
     prepare(&args.output)?;
     let engine = values.engine()?;
     let oidn = if args.no_oidn { None } else { Oidn::find(args.oidn.as_deref())? };
-    let options = Options {
+    let options = MeasureOptions {
         reference: args.reference.clone(),
         repeats: usize::from(args.repeats),
         chosen: values.frames.is_some(),

@@ -31,7 +31,7 @@ pub use crate::rules::skip::{LeftOut, RULES, Rule, Skip};
 use crate::rules::window::LAMBDA_RANGE;
 pub use crate::simd::Isa;
 use crate::simd::{Activation, keep_at_most};
-use crate::tiles::active::{Way, active_blocks};
+use crate::tiles::active::{RangePath, active_blocks};
 use crate::tiles::cover::cover;
 use crate::tiles::{Rect, Tile, tiles};
 
@@ -288,9 +288,10 @@ impl Engine {
         let whole = Rect { row: 0, column: 0, rows, columns };
         let mut parts = vec![whole];
         if skip.constant {
-            let way = |path: &Path<'a>| Way { frames: path.frames.iter().map(|f| &f.ranges).collect(), later: path.offset > 0 };
-            let ways: Vec<Way> = paths.iter().map(way).collect();
-            let active = active_blocks(&centre.ranges, &ways, 2 * self.kernel_reach());
+            let ranges =
+                |path: &Path<'a>| RangePath { frames: path.frames.iter().map(|f| &f.ranges).collect(), later: path.offset > 0 };
+            let paths: Vec<RangePath> = paths.iter().map(ranges).collect();
+            let active = active_blocks(&centre.ranges, &paths, 2 * self.kernel_reach());
             parts = cover(&active, rows, columns, self.halo());
             let kept: usize = parts.iter().map(|p| p.grown(self.halo(), rows, columns).area()).sum();
             left_out.constant = 1.0 - (kept as f64 / whole.area() as f64).min(1.0);

@@ -1,10 +1,10 @@
 //! One frame's passes in memory.
 
-pub mod exposure;
-pub mod packed;
-pub mod pixels;
-pub mod ranges;
-pub mod sanitise;
+pub(crate) mod exposure;
+pub(crate) mod packed;
+pub(crate) mod pixels;
+pub(crate) mod ranges;
+pub(crate) mod sanitise;
 
 use std::ops::Range;
 
@@ -84,13 +84,19 @@ pub struct Denoised {
 /// The passes of one frame where they lie; what each is stands with [`Frame`].
 #[derive(Clone, Debug)]
 pub struct FrameView<'a> {
+    /// Noisy beauty, (rows, columns, 3).
     pub colour: ArrayView3<'a, f32>,
+    /// (rows, columns).
     pub alpha: Option<ArrayView2<'a, f32>>,
+    /// (rows, columns, 3).
     pub albedo: Option<ArrayView3<'a, f32>>,
+    /// (rows, columns, 3).
     pub normal: Option<ArrayView3<'a, f32>>,
+    /// (rows, columns).
     pub depth: Option<ArrayView2<'a, f32>>,
+    /// (rows, columns, 4).
     pub vector: Option<ArrayView3<'a, f32>>,
-    /// Name and image.
+    /// Light passes: name, and image (rows, columns, 3).
     pub aovs: Vec<(&'a str, ArrayView3<'a, f32>)>,
 }
 

@@ -28,12 +28,16 @@ pub struct Use {
 /// The answer of [`inspect`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Inspection {
+    /// What the header says.
     #[serde(flatten)]
     pub layout: Layout,
+    /// The passes that Hush will read and write.
     pub uses: Vec<Use>,
+    /// Passes worth having that are not there.
     pub missing: Vec<Missing>,
     /// Light passes that could be denoised along, by the file's names.
     pub light_passes: Vec<String>,
+    /// What the user should know, a sentence each.
     pub notes: Vec<String>,
     /// Why Hush cannot denoise the file, if it cannot.
     pub problem: Option<String>,

@@ -50,6 +50,7 @@ pub struct Channel {
     pub part: usize,
     /// Index in the part's channel list.
     pub index: usize,
+    /// How its numbers are stored.
     pub sample: SampleType,
 }
 
@@ -58,6 +59,7 @@ pub struct Channel {
 pub struct Pass {
     /// Blender's name, such as `Combined`; empty for plain images.
     pub name: String,
+    /// Its stereo view; None where it serves every view.
     pub view: Option<String>,
     /// In the file's order.
     pub channels: Vec<Channel>,
@@ -83,9 +85,11 @@ impl Pass {
 /// A view layer, or a File Output node's layers where `name` is empty.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ViewLayer {
+    /// Such as `ViewLayer`.
     pub name: String,
     /// Stereo views; empty if there is one view only.
     pub views: Vec<String>,
+    /// One for each view that has it.
     pub passes: Vec<Pass>,
     /// Samples per pixel, where Cycles noted them.
     pub samples: Option<u32>,
@@ -102,12 +106,17 @@ impl ViewLayer {
 /// One part (one header) of the file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Part {
+    /// The `name` attribute.
     pub name: Option<String>,
+    /// The `view` attribute.
     pub view: Option<String>,
+    /// Width of the data window, in pixels.
     pub columns: usize,
+    /// Height of the data window, in pixels.
     pub rows: usize,
     /// The data window's top left corner.
     pub origin: [i32; 2],
+    /// As [`Layout::compression`].
     pub compression: String,
     /// Whether the compression may change the numbers it stores.
     pub lossy: bool,
@@ -116,18 +125,23 @@ pub struct Part {
 /// What a file holds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Layout {
+    /// The file.
     pub path: PathBuf,
     /// Of the first part's data window.
     pub columns: usize,
+    /// As `columns`: the height.
     pub rows: usize,
     /// `NONE`, `RLE`, `ZIPS`, `ZIP`, `PIZ`, `PXR24`, `B44`, `B44A`, `DWAA` or `DWAB`; that of the first part.
     pub compression: String,
     /// Whether any part's compression may change the numbers it stores.
     pub lossy: bool,
+    /// How many parts there are.
     pub parts: usize,
+    /// The parts, in the order of the file.
     pub part_list: Vec<Part>,
     /// Whether the file is of the multi-part kind, where each pass has a part of its own (Blender 5's default).
     pub multipart: bool,
+    /// The view layers, in the order of the file.
     pub layers: Vec<ViewLayer>,
     /// Blender's `Frame` metadata.
     pub frame: Option<i32>,
@@ -135,6 +149,7 @@ pub struct Layout {
     pub spp: Option<u32>,
     /// Such as `Blender 5.0.1`; Blender 4 notes none.
     pub software: Option<String>,
+    /// The file's size.
     pub file_bytes: u64,
 }
 

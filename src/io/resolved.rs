@@ -7,9 +7,13 @@ use super::layout::{Channel, Layout, Pass, ViewLayer};
 /// A pass with the channels that are used of it, in the order that the frame wants.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct PassRef {
+    /// Its view layer.
     pub layer: String,
+    /// Its name.
     pub pass: String,
+    /// Its stereo view.
     pub view: Option<String>,
+    /// Where they lie in the file.
     pub channels: Vec<Channel>,
 }
 
@@ -41,13 +45,16 @@ impl PassRef {
 pub struct AovRef {
     /// As the user gave it; the file's own name for `all`.
     pub name: String,
+    /// The light.
     pub pass: PassRef,
+    /// The Color pass that it is multiplied by.
     pub colour: Option<PassRef>,
 }
 
 /// A pass that would help and is not there.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Missing {
+    /// Its name in Blender, or `light` for all of them.
     pub pass: String,
     /// How to get it, in Blender's words.
     pub advice: String,
@@ -56,10 +63,13 @@ pub struct Missing {
 /// What is read, what is written, and what is missing.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Resolved {
+    /// The view layer that is denoised.
     pub layer: String,
+    /// The stereo view that is denoised; None in a file of one view.
     pub view: Option<String>,
-    /// Of every pass that is used.
+    /// Width of every pass that is used, in pixels.
     pub columns: usize,
+    /// Height of every pass that is used, in pixels.
     pub rows: usize,
     /// The noisy beauty, R, G, B.
     pub colour: PassRef,
@@ -67,15 +77,20 @@ pub struct Resolved {
     pub alpha: Option<Channel>,
     /// The pass that is replaced by the denoised beauty, R, G, B; the same as `colour` unless that is `Noisy Image`.
     pub target: PassRef,
+    /// The alpha channel beside the target.
     pub target_alpha: Option<Channel>,
     /// Whether `colour` is certain to be noisy: it is `Noisy Image`, or Blender stored its denoising passes without one. Where
     /// false, nothing in the file tells whether Cycles denoised it.
     pub surely_noisy: bool,
+    /// R, G, B.
     pub albedo: Option<PassRef>,
+    /// X, Y, Z.
     pub normal: Option<PassRef>,
+    /// One channel.
     pub depth: Option<PassRef>,
     /// X, Y, Z, W.
     pub vector: Option<PassRef>,
+    /// The light passes that are denoised along.
     pub aovs: Vec<AovRef>,
     /// Guides that were asked for and are not there.
     pub missing: Vec<Missing>,

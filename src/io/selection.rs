@@ -10,9 +10,13 @@ const VECTOR_LAYER: &str = "Hush Vectors";
 /// Which guides may be used where they are present.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Guides {
+    /// Denoising Albedo.
     pub albedo: bool,
+    /// Denoising Normal.
     pub normal: bool,
+    /// Denoising Depth, else Depth.
     pub depth: bool,
+    /// Vector: without it neighbours cannot help.
     pub vector: bool,
 }
 
@@ -33,6 +37,7 @@ pub struct Selection {
     /// Another view layer to take the Vector pass from (one without motion blur). None: the one [`made_for_vectors`] where the
     /// file holds one, else the layer that is denoised.
     pub vector_layer: Option<String>,
+    /// The guides that may be used.
     pub guides: Guides,
     /// Light passes to denoise along with the beauty, by Blender 5's or 4's names, or `all`.
     pub aovs: Vec<String>,

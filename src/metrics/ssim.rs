@@ -72,7 +72,7 @@ fn horizontal(pair: &Pair) -> Vec<[f64; MOMENTS]> {
         };
         let line: Vec<[f64; MOMENTS]> = (0..columns).map(moments).collect();
         let window = &window;
-        (0..columns).map(|c| gather(taps(window, c, columns).map(|(p, w)| (&line[p], w)))).collect::<Vec<_>>()
+        (0..columns).map(|c| weighted_sum(taps(window, c, columns).map(|(p, w)| (&line[p], w)))).collect::<Vec<_>>()
     };
     (0..rows).into_par_iter().flat_map_iter(row_moments).collect()
 }
@@ -80,11 +80,11 @@ fn horizontal(pair: &Pair) -> Vec<[f64; MOMENTS]> {
 /// What [`horizontal`] gave, summed along the column.
 fn vertical(across: &[[f64; MOMENTS]], rows: usize, columns: usize) -> Vec<[f64; MOMENTS]> {
     let window = window();
-    let sum = |i: usize| gather(taps(&window, i / columns, rows).map(|(p, w)| (&across[p * columns + i % columns], w)));
+    let sum = |i: usize| weighted_sum(taps(&window, i / columns, rows).map(|(p, w)| (&across[p * columns + i % columns], w)));
     (0..across.len()).into_par_iter().map(sum).collect()
 }
 
-fn gather<'a>(taps: impl Iterator<Item = (&'a [f64; MOMENTS], f64)>) -> [f64; MOMENTS] {
+fn weighted_sum<'a>(taps: impl Iterator<Item = (&'a [f64; MOMENTS], f64)>) -> [f64; MOMENTS] {
     let mut sum = [0.0; MOMENTS];
     for (moments, weight) in taps {
         for (s, m) in sum.iter_mut().zip(moments) {

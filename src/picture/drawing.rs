@@ -2,6 +2,8 @@
 
 use std::fmt::Write;
 
+use maud::{Markup, PreEscaped, Render, html};
+
 /// What something is painted with; the page and the file have one colour each for light and for dark.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ink {
@@ -68,6 +70,16 @@ pub enum Anchor {
     End,
 }
 
+impl Anchor {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Start => "start",
+            Self::Middle => "middle",
+            Self::End => "end",
+        }
+    }
+}
+
 /// Something drawn.
 #[derive(Clone, Debug)]
 pub enum Shape {
@@ -112,72 +124,56 @@ impl Drawing {
     }
 
     /// For a page that has the [`styles`].
-    pub fn inline(&self) -> String {
-        self.svg("", "")
+    pub fn inline(&self) -> Markup {
+        self.svg(false)
     }
 
     /// A file of its own.
     pub fn file(&self) -> String {
-        let style = format!("<style>{}</style>", styles());
-        format!("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n{}", self.svg(" xmlns=\"http://www.w3.org/2000/svg\"", &style))
+        format!("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n{}\n", self.svg(true).into_string())
     }
 
-    fn svg(&self, space: &str, style: &str) -> String {
+    fn svg(&self, alone: bool) -> Markup {
         let (w, h) = (self.width, self.height);
-        let mut out = format!("<svg{space} viewBox=\"0 0 {w} {h}\" width=\"{w}\" height=\"{h}\" role=\"img\">");
-        let _ = write!(out, "<title>{}</title>{style}", escape(&self.about));
-        for group in &self.groups {
-            let row = group.row.map(|r| format!(" class=\"pick\" data-row=\"{r}\"")).unwrap_or_default();
-            let _ = write!(out, "<g{row}>");
-            if let Some(title) = &group.title {
-                let _ = write!(out, "<title>{}</title>", escape(title));
+        let space = alone.then_some("http://www.w3.org/2000/svg");
+        html! {
+            svg xmlns=[space] viewBox={ "0 0 " (w) " " (h) } width=(w) height=(h) role="img" {
+                title { (printable(&self.about)) }
+                @if alone { style { (PreEscaped(styles())) } }
+                @for group in &self.groups {
+                    g class=[group.row.map(|_| "pick")] data-row=[group.row] {
+                        @if let Some(title) = &group.title { title { (printable(title)) } }
+                        @for shape in &group.shapes { (shape) }
+                    }
+                }
             }
-            group.shapes.iter().for_each(|shape| write_shape(&mut out, shape));
-            out.push_str("</g>");
         }
-        out.push_str("</svg>\n");
-        out
     }
 }
 
-fn write_shape(out: &mut String, shape: &Shape) {
-    // Writing to a string does not fail.
-    let _ = match shape {
-        Shape::Line { points, ink, width, dashed } => {
-            let points: Vec<String> = points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
-            let dashes = if *dashed { " stroke-dasharray=\"5 4\"" } else { "" };
-            write!(
-                out,
-                "<polyline class=\"l {}\" points=\"{}\" stroke-width=\"{width}\"{dashes}/>",
-                ink.class(),
-                points.join(" ")
-            )
+impl Render for Shape {
+    /// An element with its closing tag, which XML wants of every one.
+    fn render(&self) -> Markup {
+        let to = |v: &f64| format!("{v:.1}");
+        match self {
+            Self::Line { points, ink, width, dashed } => {
+                let points: Vec<String> = points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
+                let dashes = dashed.then_some("5 4");
+                html! { polyline class={ "l " (ink.class()) } points=(points.join(" ")) stroke-width=(width) stroke-dasharray=[dashes] {} }
+            }
+            Self::Disc { x, y, radius, ink, hollow } => {
+                let (kind, ring) = if *hollow { ("l ", Some(2)) } else { ("f ", None) };
+                html! { circle class={ (kind) (ink.class()) } cx=(to(x)) cy=(to(y)) r=(radius) stroke-width=[ring] {} }
+            }
+            Self::Bar { x, y, width, height, ink } => {
+                html! { rect class={ "f " (ink.class()) } x=(to(x)) y=(to(y)) width=(to(width)) height=(to(height)) {} }
+            }
+            Self::Text { x, y, text, size, anchor, ink } => {
+                let (class, text) = (ink.class(), printable(text));
+                html! { text class={ "f h " (class) } x=(to(x)) y=(to(y)) font-size=(size) text-anchor=(anchor.name()) { (text) } }
+            }
         }
-        Shape::Disc { x, y, radius, ink, hollow } => {
-            let kind = if *hollow { "l" } else { "f" };
-            let ring = if *hollow { " stroke-width=\"2\"" } else { "" };
-            write!(out, "<circle class=\"{kind} {}\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius}\"{ring}/>", ink.class())
-        }
-        Shape::Bar { x, y, width, height, ink } => {
-            write!(
-                out,
-                "<rect class=\"f {}\" x=\"{x:.1}\" y=\"{y:.1}\" width=\"{width:.1}\" height=\"{height:.1}\"/>",
-                ink.class()
-            )
-        }
-        Shape::Text { x, y, text, size, anchor, ink } => {
-            let anchor = match anchor {
-                Anchor::Start => "start",
-                Anchor::Middle => "middle",
-                Anchor::End => "end",
-            };
-            let (class, text) = (ink.class(), escape(text));
-            write!(
-                out,
-                "<text class=\"f h {class}\" x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"{size}\" text-anchor=\"{anchor}\">{text}</text>"
-            )
-        }
-    };
+    }
 }
 
 /// The style sheet of drawings, with the colours of light and dark.
@@ -196,21 +192,9 @@ pub fn styles() -> String {
     )
 }
 
-/// Text for XML and HTML.
-pub fn escape(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for c in text.chars() {
-        match c {
-            '&' => out.push_str("&amp;"),
-            '<' => out.push_str("&lt;"),
-            '>' => out.push_str("&gt;"),
-            '"' => out.push_str("&quot;"),
-            // Control characters are no XML, whatever a file is called.
-            c if c.is_control() && !matches!(c, '\n' | '\t') => out.push('\u{fffd}'),
-            c => out.push(c),
-        }
-    }
-    out
+/// Text for XML and HTML: control characters are none, whatever a file is called.
+pub fn printable(text: &str) -> String {
+    text.replace(|c: char| c.is_control() && !matches!(c, '\n' | '\t'), "\u{fffd}")
 }
 
 #[cfg(test)]
@@ -231,7 +215,7 @@ pub(super) mod tests {
 
     #[test]
     fn the_file_and_the_inline_form_are_sound_xml() {
-        for text in [sample().file(), sample().inline()] {
+        for text in [sample().file(), sample().inline().into_string()] {
             let document = roxmltree::Document::parse(&text).unwrap_or_else(|e| panic!("{e}: {text}"));
             let root = document.root_element();
             assert_eq!(root.attribute("viewBox"), Some("0 0 200 100"));
@@ -240,6 +224,6 @@ pub(super) mod tests {
             assert!(document.descendants().any(|n| n.attribute("data-row") == Some("3")));
             assert!(document.descendants().any(|n| n.text() == Some("λ 4 <b>")));
         }
-        assert!(!sample().inline().contains("://"));
+        assert!(!sample().inline().into_string().contains("://"));
     }
 }

@@ -1,7 +1,7 @@
 //! Pixels as a picture.
 
 use rayon::prelude::*;
-use tiny_skia::{IntSize, Pixmap};
+use resvg::tiny_skia::{IntSize, Pixmap};
 
 /// A picture of (rows, columns) with these colours, red, green and blue 0…255 each. None where there are no pixels.
 pub fn pixmap(rows: usize, columns: usize, colour: impl Fn(usize, usize) -> [f64; 3] + Sync) -> Option<Pixmap> {

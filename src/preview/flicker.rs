@@ -5,10 +5,9 @@ use std::ops::Range;
 use ndarray::{Array2, Array3, ArrayView3, s};
 use rayon::prelude::*;
 
+use crate::metrics::flicker::EPSILON;
 use crate::metrics::sample::sample;
 
-/// As in the metrics: keeps dark pixels from counting as much as lit ones.
-const EPSILON: f64 = 1e-2;
 /// The change that has the brightest false colour.
 pub const MOST_CHANGE: f64 = 0.25;
 

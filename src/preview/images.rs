@@ -7,7 +7,7 @@ use ndarray::{Array2, Array3, s};
 
 use super::flicker::Flicker;
 use super::region::Region;
-use super::window::{Target, Window};
+use super::window::{PreviewWindow, TargetFrame};
 use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::io::Selection;
@@ -36,8 +36,9 @@ pub struct Preview {
     pub sequence: String,
     /// Number of the frame.
     pub frame: i64,
-    /// Of the whole frame.
+    /// Height of the whole frame, in pixels.
     pub rows: usize,
+    /// Width of the whole frame, in pixels.
     pub columns: usize,
     /// What is shown of it.
     pub region: Region,
@@ -99,11 +100,11 @@ pub fn preview(
     let scope = Scope::open(sequence, selection, Some(&frames), most, reach)?;
     let windows = if request.windows.is_empty() { vec![scope.window] } else { request.windows.clone() };
     let most = windows.iter().copied().max().unwrap_or_default();
-    let own = Target::new(&scope, frame, most);
+    let own = TargetFrame::new(&scope, frame, most);
     let can_flicker = scope.around(frame, 1).iter().any(|(offset, _)| *offset == -1);
     let mut notes: Vec<String> = scope.warnings().into_iter().map(|w| w.message).collect();
     notes.extend(scope.bad.iter().map(|(number, reason)| format!("frame {number}: {reason}")));
-    let before = (request.flicker && can_flicker).then(|| Target::new(&scope, frame - 1, most));
+    let before = (request.flicker && can_flicker).then(|| TargetFrame::new(&scope, frame - 1, most));
     if request.flicker && !can_flicker {
         notes.push(format!("flicker cannot be shown: it wants frame {}, and motion vectors", frame - 1));
     }
@@ -112,7 +113,7 @@ pub fn preview(
         .ok_or_else(|| Error::BadInput { input: scope.name.clone(), reason: format!("has no readable frame {frame}") })?;
     let names: Vec<String> =
         images.iter().map(|r| [Some(r.layer.clone()), r.view.clone()].into_iter().flatten()).map(join).collect();
-    let targets: Vec<&Target> = [&own].into_iter().chain(&before).collect();
+    let targets: Vec<&TargetFrame> = [&own].into_iter().chain(&before).collect();
     let reads: BTreeSet<i64> = targets.iter().flat_map(|t| t.around.iter().map(|(_, n)| *n).chain([t.number])).collect();
     let steps = names.len() * (reads.len() + windows.len() * request.lambdas.len() * targets.len());
     let done = std::cell::Cell::new(0usize);
@@ -123,12 +124,12 @@ pub fn preview(
     let mut shown = None;
     let mut layers = Vec::new();
     for (index, name) in names.into_iter().enumerate() {
-        let window = Window::open((&scope, index), engine, &targets, request.region, (cancel, &step))?;
+        let window = PreviewWindow::open((&scope, index), engine, &targets, request.region, (cancel, &step))?;
         notes.extend(window.notes.iter().cloned());
         let mut variants = Vec::new();
         for &radius in &windows {
             for &lambda in &request.lambdas {
-                let made = |target: &Target| -> Result<_> {
+                let made = |target: &TargetFrame| -> Result<_> {
                     if cancel.is_cancelled() {
                         return Err(Error::Cancelled);
                     }
@@ -174,14 +175,14 @@ pub fn preview(
 }
 
 /// The region's flicker; both images are cut as the frames are.
-fn flicker(window: &Window, frame: i64, now: &Array3<f32>, last: &Array3<f32>) -> Option<Flicker> {
+fn flicker(window: &PreviewWindow, frame: i64, now: &Array3<f32>, last: &Array3<f32>) -> Option<Flicker> {
     let vectors = window.colours.get(&frame)?.vector.as_ref()?;
     let place = window.region.inside(window.cut);
     let all = Flicker::new(now.view(), last.view(), vectors.view(), window.exposure);
     Some(all.part(place.rows(), place.columns()))
 }
 
-fn plane(window: &Window, image: &Array2<f32>) -> Array2<f32> {
+fn plane(window: &PreviewWindow, image: &Array2<f32>) -> Array2<f32> {
     let place = window.region.inside(window.cut);
     image.slice(s![place.rows(), place.columns()]).to_owned()
 }

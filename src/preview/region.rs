@@ -15,9 +15,13 @@ const GRID: usize = 8;
 /// A rectangle of pixels; as text `X,Y,WIDTH,HEIGHT`, from the frame's upper left corner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Region {
+    /// Column of the left edge.
     pub x: usize,
+    /// Row of the upper edge.
     pub y: usize,
+    /// Columns.
     pub width: usize,
+    /// Rows.
     pub height: usize,
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use tiny_skia::{Color, Pixmap, PixmapPaint, Transform};
+use resvg::tiny_skia::{Color, Pixmap, PixmapPaint, Transform};
 
 use super::flicker::{Flicker, MOST_CHANGE};
 use super::images::{LayerPreview, Preview, Variant};

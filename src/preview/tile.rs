@@ -1,7 +1,7 @@
 //! One tile of the sheet: an image at a whole number of pixels a pixel, larger or smaller.
 
 use ndarray::{ArrayView2, ArrayView3};
-use tiny_skia::Pixmap;
+use resvg::tiny_skia::Pixmap;
 
 use super::flicker::MOST_CHANGE;
 use super::tone::shown;

@@ -8,23 +8,23 @@ use super::region::{Region, needed};
 use crate::engine::{EncodedFrame, Engine};
 use crate::error::{Error, Result};
 use crate::frame::Frame;
-use crate::rules::checks::{Glance, PixelChecks};
+use crate::rules::pixel_checks::{Glance, PixelChecks};
 use crate::shot::{CancelToken, Scope};
 
 /// A frame to denoise and those that help it, as (offset, number).
-pub(super) struct Target {
+pub(super) struct TargetFrame {
     pub number: i64,
     pub around: Vec<(i32, i64)>,
 }
 
-impl Target {
+impl TargetFrame {
     pub fn new(scope: &Scope, number: i64, window: usize) -> Self {
         Self { number, around: scope.around(number, window) }
     }
 }
 
 /// The encoded frames of one image, all cut alike.
-pub(super) struct Window {
+pub(super) struct PreviewWindow {
     encoded: BTreeMap<i64, EncodedFrame>,
     /// Cut as the frames are: colours of the targets and the Vector pass of the first.
     pub colours: BTreeMap<i64, Frame>,
@@ -40,7 +40,7 @@ pub(super) struct Window {
     pub notes: Vec<String>,
 }
 
-impl Window {
+impl PreviewWindow {
     /// Reads the frames of all targets; the first one is the frame that is previewed. `read` hears of each that is encoded.
     ///
     /// # Errors
@@ -48,7 +48,7 @@ impl Window {
     pub fn open(
         (scope, image): (&Scope, usize),
         engine: &Engine,
-        targets: &[&Target],
+        targets: &[&TargetFrame],
         region: Option<Region>,
         (cancel, read): (&CancelToken, &dyn Fn()),
     ) -> Result<Self> {
@@ -111,7 +111,7 @@ impl Window {
         }
     }
 
-    fn encode(&mut self, engine: &Engine, frames: BTreeMap<i64, Frame>, (first, targets): (i64, &[&Target])) -> Result<()> {
+    fn encode(&mut self, engine: &Engine, frames: BTreeMap<i64, Frame>, (first, targets): (i64, &[&TargetFrame])) -> Result<()> {
         for (number, frame) in frames {
             let whole = frame.view();
             let scales = engine.scales(&whole)?;
@@ -131,7 +131,13 @@ impl Window {
     }
 
     /// Denoises a target with at most `window` frames on each side; also which helped. The image is cut as the frames are.
-    pub fn denoise(&self, engine: &Engine, target: &Target, window: usize, lambda: f32) -> Result<(crate::Denoised, Vec<i64>)> {
+    pub fn denoise(
+        &self,
+        engine: &Engine,
+        target: &TargetFrame,
+        window: usize,
+        lambda: f32,
+    ) -> Result<(crate::Denoised, Vec<i64>)> {
         let missing = || Error::BadInput { input: format!("frame {}", target.number), reason: "cannot be read".into() };
         let centre = self.encoded.get(&target.number).ok_or_else(missing)?;
         let mut around: Vec<(i32, &EncodedFrame)> = Vec::new();
@@ -155,7 +161,7 @@ impl Window {
 
 /// What of the frames a region needs: what denoising the first target there reads, and where the region lies in the others, what
 /// denoising those reads.
-fn cut(engine: &Engine, frames: &BTreeMap<i64, Frame>, targets: &[&Target], region: Region) -> Region {
+fn cut(engine: &Engine, frames: &BTreeMap<i64, Frame>, targets: &[&TargetFrame], region: Region) -> Region {
     let vectors: BTreeMap<i64, ArrayView3<f32>> =
         frames.iter().filter_map(|(n, frame)| Some((*n, frame.vector.as_ref()?.view()))).collect();
     let Some(first) = targets.first() else { return region };

@@ -27,7 +27,7 @@ pub enum Method {
 /// Candidates of one kind differ in one setting; they share a colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Kind {
+pub enum CandidateKind {
     Noisy,
     Window,
     Skipping,
@@ -41,7 +41,7 @@ pub struct Candidate {
     /// Short, unique.
     pub name: String,
     /// What it differs in from the default.
-    pub kind: Kind,
+    pub kind: CandidateKind,
     /// Whether it is the default setting.
     pub default: bool,
     /// What to do.
@@ -63,21 +63,21 @@ impl Candidate {
 /// All candidates for a shot with or without motion vectors: the noisy picture first, then the default.
 pub fn candidates(vectors: bool, oidn: bool) -> Vec<Candidate> {
     let base = if vectors { DEFAULT_WINDOW } else { 0 };
-    let hush = |name: String, kind: Kind, window: usize, lambda: f32, skipping: bool| Candidate {
+    let hush = |name: String, kind: CandidateKind, window: usize, lambda: f32, skipping: bool| Candidate {
         name,
         kind,
         default: (window, lambda, skipping) == (base, 1.0, true),
         method: Method::Hush { window, lambda, skipping },
     };
-    let plain = |name: &str, kind: Kind, method: Method| Candidate { name: name.into(), kind, default: false, method };
-    let mut out = vec![plain("noisy", Kind::Noisy, Method::Noisy)];
-    out.push(hush(format!("window {base}"), Kind::Window, base, 1.0, true));
+    let plain = |name: &str, kind: CandidateKind, method: Method| Candidate { name: name.into(), kind, default: false, method };
+    let mut out = vec![plain("noisy", CandidateKind::Noisy, Method::Noisy)];
+    out.push(hush(format!("window {base}"), CandidateKind::Window, base, 1.0, true));
     let others = (0..=if vectors { MAX_WINDOW } else { 0 }).filter(|w| *w != base);
-    out.extend(others.map(|w| hush(format!("window {w}"), Kind::Window, w, 1.0, true)));
-    out.push(hush("no skipping".into(), Kind::Skipping, base, 1.0, false));
-    out.extend([4.0, 16.0].map(|lambda| hush(format!("λ {lambda}"), Kind::Lambda, base, lambda, true)));
+    out.extend(others.map(|w| hush(format!("window {w}"), CandidateKind::Window, w, 1.0, true)));
+    out.push(hush("no skipping".into(), CandidateKind::Skipping, base, 1.0, false));
+    out.extend([4.0, 16.0].map(|lambda| hush(format!("λ {lambda}"), CandidateKind::Lambda, base, lambda, true)));
     if oidn {
-        out.push(plain("OIDN", Kind::Oidn, Method::Oidn));
+        out.push(plain("OIDN", CandidateKind::Oidn, Method::Oidn));
     }
     out
 }
@@ -99,7 +99,7 @@ mod tests {
     #[test]
     fn without_vectors_no_window_is_wider_than_none() {
         let all = candidates(false, false);
-        assert!(all.iter().all(|c| c.window() == 0 && c.kind != Kind::Oidn));
+        assert!(all.iter().all(|c| c.window() == 0 && c.kind != CandidateKind::Oidn));
         assert!(all[1].default && all[1].name == "window 0");
     }
 }

@@ -36,7 +36,7 @@ pub struct Observed {
 
 /// A mean and how sure it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Estimate {
+pub struct ErrorEstimate {
     /// The relMSE over the trusted pixels, with the denoised in place of the true brightness below the line. It may be a little below 0.
     pub relmse: f64,
     /// Its standard error.
@@ -49,7 +49,7 @@ pub struct Estimate {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unseen {
     /// A frame on the way lacks motion vectors, or is of another size.
-    NoWay,
+    NoMotion,
     /// Hardly any pixel can be followed both ways.
     Lost,
     /// The frames have the same noise.
@@ -64,7 +64,7 @@ impl Observed {
         let centre = &frames[k];
         let size = centre.size();
         if k == 0 || frames.iter().any(|f| f.size() != size || f.vector.is_none()) {
-            return Err(Unseen::NoWay);
+            return Err(Unseen::NoMotion);
         }
         let mut trusted = Array2::from_elem(size, true);
         let mut carry = |path: Vec<&Frame>, light: ArrayView3<f32>, later: bool| {
@@ -94,7 +94,7 @@ impl Observed {
     }
 
     /// The error of a denoised frame that was made without the two frames that this was seen from.
-    pub fn estimate(&self, denoised: ArrayView3<f32>) -> Estimate {
+    pub fn estimate(&self, denoised: ArrayView3<f32>) -> ErrorEstimate {
         let error = |y: usize, x: usize, c: usize| {
             let d = f64::from(denoised[[y, x, c]]);
             (d - f64::from(self.before[[y, x, c]])) * (d - f64::from(self.after[[y, x, c]]))
@@ -123,7 +123,7 @@ impl Observed {
         self.mean(denoised, error).relmse
     }
 
-    fn mean(&self, denoised: ArrayView3<f32>, error: impl Fn(usize, usize, usize) -> f64) -> Estimate {
+    fn mean(&self, denoised: ArrayView3<f32>, error: impl Fn(usize, usize, usize) -> f64) -> ErrorEstimate {
         let (rows, columns) = self.trusted.dim();
         let across = columns.div_ceil(BLOCK);
         let mut blocks = vec![(0.0, 0.0); across * rows.div_ceil(BLOCK)];
@@ -141,7 +141,7 @@ impl Observed {
         let mean = if count > 0.0 { sum / count } else { f64::NAN };
         // Each block's part in the mean is one draw: neighbouring pixels are not independent, blocks nearly are.
         let variance: f64 = blocks.iter().map(|b| (b.0 - mean * b.1).powi(2)).sum();
-        Estimate { relmse: mean, deviation: variance.sqrt() / count.max(1.0), share: count / (3 * rows * columns) as f64 }
+        ErrorEstimate { relmse: mean, deviation: variance.sqrt() / count.max(1.0), share: count / (3 * rows * columns) as f64 }
     }
 }
 
@@ -171,21 +171,21 @@ fn seen(path: &[&Frame], light: ArrayView3<f32>, later: bool, y: usize, x: usize
     if (home.0 - start.0).abs().max((home.1 - start.1).abs()) > MISS {
         return None;
     }
-    let corners = Corners::new(place, rows, columns);
+    let around = Bilinear::new(place, rows, columns);
     if let (Some(a), Some(b)) = (&first.albedo, &last.albedo) {
-        (0..3).all(|c| (a[[y, x, c]] - corners.sample(|y, x| b[[y, x, c]])).abs() < ALBEDO).then_some(())?;
+        (0..3).all(|c| (a[[y, x, c]] - around.sample(|y, x| b[[y, x, c]])).abs() < ALBEDO).then_some(())?;
     }
     if let (Some(a), Some(b)) = (&first.normal, &last.normal) {
-        (0..3).all(|c| (a[[y, x, c]] - corners.sample(|y, x| b[[y, x, c]])).abs() < NORMAL).then_some(())?;
+        (0..3).all(|c| (a[[y, x, c]] - around.sample(|y, x| b[[y, x, c]])).abs() < NORMAL).then_some(())?;
     }
     if let (Some(a), Some(b)) = (&first.depth, &last.depth) {
-        same_depth(a.view(), y, x, corners.sample(|y, x| b[[y, x]])).then_some(())?;
+        same_depth(a.view(), y, x, around.sample(|y, x| b[[y, x]])).then_some(())?;
     }
     let reflects =
         |f: &Frame, y: usize, x: usize, c: usize| f.albedo.as_ref().map_or(1.0, |a| a[[y, x, c]].clamp(0.0, 1.0) + DARK);
     let colour = [0, 1, 2].map(|c| {
         let bare = |y: usize, x: usize| light[[y, x, c]] / reflects(last, y, x, c);
-        corners.sample(bare) * reflects(first, y, x, c)
+        around.sample(bare) * reflects(first, y, x, c)
     });
     colour.iter().all(|v| v.is_finite()).then_some(colour)
 }
@@ -196,13 +196,13 @@ fn same_depth(own: ArrayView2<f32>, y: usize, x: usize, other: f32) -> bool {
 }
 
 /// The four pixels around a place.
-struct Corners {
+struct Bilinear {
     row: [usize; 2],
     column: [usize; 2],
     weights: [f32; 4],
 }
 
-impl Corners {
+impl Bilinear {
     fn new((x, y): (f32, f32), rows: usize, columns: usize) -> Self {
         let (left, top) = (x as usize, y as usize);
         let (fx, fy) = (x - left as f32, y - top as f32);
@@ -296,7 +296,7 @@ mod tests {
             Observed::new(&frames, [frames[0].colour.view(), frames[2].colour.view()])
                 .map(|o| o.estimate(frames[1].colour.view()))
         };
-        assert_eq!(frames(&|f| f[1].vector = None).err(), Some(Unseen::NoWay));
+        assert_eq!(frames(&|f| f[1].vector = None).err(), Some(Unseen::NoMotion));
         assert_eq!(frames(&|f| f[0].vector.as_mut().unwrap().fill(9.0)).err(), Some(Unseen::Lost));
         assert_eq!(frames(&|f| f[2].albedo.as_mut().unwrap().fill(0.9)).err(), Some(Unseen::Lost));
         let whole = frames(&|_| ()).unwrap().share;

@@ -1,6 +1,5 @@
 //! A report's files: the page, its numbers as CSV and JSON, its plots as SVG and PNG. The page comes last.
 
-use std::fmt::Write as _;
 use std::fs;
 use std::io::Write as _;
 use std::path::Path;
@@ -8,12 +7,13 @@ use std::path::Path;
 use super::measure::Measured;
 use super::page::{MARK, page};
 use super::plots::{by_frame, by_stage, error_against_time};
-use super::record::Report;
+use super::record::{FrameErrors, Report, SettingRow};
 use crate::engine::STAGES;
 use crate::error::{Error, Result};
 use crate::io::write_atomically;
 use crate::picture::drawing::Drawing;
 use crate::picture::raster::png;
+use crate::stability::CheckRow;
 
 /// The page's name in the output folder.
 pub const PAGE: &str = "index.html";
@@ -53,10 +53,12 @@ pub fn write(measured: &Measured, folder: &Path) -> Result<()> {
         let picture = png(drawing, SCALE).ok_or_else(|| Error::bad_file(folder.join(name), "cannot be drawn as PNG"))?;
         put(&format!("{name}.png"), &picture)?;
     }
-    put("settings.csv", settings_csv(report).as_bytes())?;
-    put("frames.csv", frames_csv(report).as_bytes())?;
+    let mut tables = vec![("settings.csv", settings_csv(report)), ("frames.csv", frames_csv(report))];
     if !report.stability.is_empty() {
-        put("stability.csv", stability_csv(report).as_bytes())?;
+        tables.push(("stability.csv", stability_csv(&report.stability)));
+    }
+    for (name, table) in tables {
+        put(name, &table.map_err(|e| Error::bad_file(folder.join(name), e.to_string()))?)?;
     }
     let json = serde_json::to_vec_pretty(report).map_err(|e| Error::bad_file(folder.join("report.json"), e.to_string()))?;
     put("report.json", &json)?;
@@ -72,51 +74,53 @@ fn field(value: Option<f64>) -> String {
     value.map_or(String::new(), |v| v.to_string())
 }
 
+/// Rows of text as a table.
+fn table(rows: impl IntoIterator<Item = Vec<String>>) -> csv::Result<Vec<u8>> {
+    let mut out = csv::Writer::from_writer(Vec::new());
+    rows.into_iter().try_for_each(|row| out.write_record(row))?;
+    out.into_inner().map_err(|e| e.into_error().into())
+}
+
 /// A row a setting.
-fn settings_csv(report: &Report) -> String {
-    let names = error_names(report);
-    let mut out = String::from("setting,seconds_median,seconds_least,seconds_greatest");
-    for name in &names {
-        let _ = write!(out, ",{name}_median,{name}_mean,{name}_lower_quartile,{name}_upper_quartile,{name}_front");
+fn settings_csv(report: &Report) -> csv::Result<Vec<u8>> {
+    let mut head = ["setting", "seconds_median", "seconds_least", "seconds_greatest"].map(String::from).to_vec();
+    for name in error_names(report) {
+        head.extend(["median", "mean", "lower_quartile", "upper_quartile", "front"].map(|what| format!("{name}_{what}")));
     }
-    STAGES.iter().for_each(|s| _ = write!(out, ",{}_seconds", s.name().replace(' ', "_")));
-    out.push_str(",share_not_computed,window_bytes,tile_bytes,process_peak_bytes\n");
-    for row in &report.rows_by_setting {
+    head.extend(STAGES.map(|s| format!("{}_seconds", s.name().replace(' ', "_"))));
+    head.extend(["share_not_computed", "window_bytes", "tile_bytes", "process_peak_bytes"].map(String::from));
+    let row = |row: &SettingRow| {
+        let mut out = vec![row.candidate.name.clone()];
         let seconds = row.seconds.map(|s| [s.median, s.low, s.high]);
-        out.push_str(&row.candidate.name);
-        (0..3).for_each(|i| _ = write!(out, ",{}", field(seconds.map(|s| s[i]))));
+        out.extend((0..3).map(|i| field(seconds.map(|s| s[i]))));
         for (error, front) in row.errors.iter().zip(row.front) {
             let values = error.map(|e| [e.median, e.mean, e.low, e.high]);
-            (0..4).for_each(|i| _ = write!(out, ",{}", field(values.map(|v| v[i]))));
-            let _ = write!(out, ",{}", u8::from(front));
+            out.extend((0..4).map(|i| field(values.map(|v| v[i]))));
+            out.push(u8::from(front).to_string());
         }
-        (0..STAGES.len()).for_each(|i| _ = write!(out, ",{}", field(row.stages.map(|s| s[i]))));
+        out.extend((0..STAGES.len()).map(|i| field(row.stages.map(|s| s[i]))));
         let bytes = [row.window_bytes.map(|b| b as f64), row.tile_bytes.map(|b| b as f64), row.peak_bytes.map(|b| b as f64)];
-        let _ = writeln!(out, ",{},{}", field(row.left_out), bytes.map(field).join(","));
-    }
-    out
+        out.extend([row.left_out].into_iter().chain(bytes).map(field));
+        out
+    };
+    table([head].into_iter().chain(report.rows_by_setting.iter().map(row)))
 }
 
 /// A row a setting and a frame.
-fn frames_csv(report: &Report) -> String {
-    let mut out = format!("setting,frame,{}\n", error_names(report).join(","));
-    for row in &report.rows_by_setting {
-        for frame in &row.by_frame {
-            let _ = writeln!(out, "{},{},{}", row.candidate.name, frame.frame, frame.errors.map(field).join(","));
-        }
-    }
-    out
+fn frames_csv(report: &Report) -> csv::Result<Vec<u8>> {
+    let head = ["setting", "frame"].map(String::from).into_iter().chain(error_names(report)).collect();
+    let row = |(name, frame): (&String, &FrameErrors)| {
+        [name.clone(), frame.frame.to_string()].into_iter().chain(frame.errors.map(field)).collect()
+    };
+    let all = report.rows_by_setting.iter().flat_map(|r| r.by_frame.iter().map(|frame| (&r.candidate.name, frame)));
+    table([head].into_iter().chain(all.map(row)))
 }
 
 /// A row a check of a case.
-fn stability_csv(report: &Report) -> String {
-    let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
-    let mut out = String::from("case,check,bound,worst,where,passed\n");
-    for r in &report.stability {
-        let _ =
-            writeln!(out, "{},{},{},{},{},{}", quoted(&r.case), quoted(&r.check), r.bound, r.worst, quoted(&r.place), r.passed);
-    }
-    out
+fn stability_csv(rows: &[CheckRow]) -> csv::Result<Vec<u8>> {
+    let mut out = csv::Writer::from_writer(Vec::new());
+    rows.iter().try_for_each(|row| out.serialize(row))?;
+    out.into_inner().map_err(|e| e.into_error().into())
 }
 
 #[cfg(test)]

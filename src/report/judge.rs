@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use ndarray::Array3;
 
 use super::candidates::{Candidate, Method};
-use super::estimate::{Estimate, Observed, Unseen};
-use super::record::{Basis, Check, ERRORS, EstimateNote};
+use super::estimate::{ErrorEstimate, Observed, Unseen};
+use super::record::{Basis, ERRORS, EstimateCheck, EstimateNote};
 use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::metrics::images::read;
@@ -38,8 +38,8 @@ struct Current {
 
 /// What was estimated of one candidate.
 #[derive(Default, Clone)]
-struct Seen {
-    estimates: Vec<Estimate>,
+struct Estimates {
+    estimates: Vec<ErrorEstimate>,
     measured: Vec<f64>,
     noise: Vec<f64>,
 }
@@ -53,7 +53,7 @@ pub struct Judge<'a> {
     windows: Vec<usize>,
     current: Option<Current>,
     previous: Option<Current>,
-    seen: Vec<Seen>,
+    seen: Vec<Estimates>,
     unseen: Option<Unseen>,
 }
 
@@ -71,7 +71,7 @@ impl<'a> Judge<'a> {
         let reached = |k: usize| frames.iter().filter(|n| scope.around(**n, k).len() == 2 * k).count();
         // One frame alone says little: rather two judged from nearer by, and the widest windows not at all.
         let distance = [2, 1].into_iter().find_map(|least| (1..=farthest).rev().find(|k| reached(*k) >= least));
-        let seen = vec![Seen::default(); candidates.len()];
+        let seen = vec![Estimates::default(); candidates.len()];
         Self { scope, references, images, distance, windows, current: None, previous: None, seen, unseen: None }
     }
 
@@ -122,7 +122,7 @@ impl<'a> Judge<'a> {
     /// The frame seen from the noisy frames around it; and from the references next to it, if there are any.
     #[allow(clippy::type_complexity)]
     fn look(&self, number: i64) -> Result<(Observed, Option<Observed>), Option<Unseen>> {
-        let k = self.distance.ok_or(Some(Unseen::NoWay))? as i64;
+        let k = self.distance.ok_or(Some(Unseen::NoMotion))? as i64;
         if self.scope.around(number, k as usize).len() as i64 != 2 * k {
             return Err(None);
         }
@@ -188,12 +188,13 @@ impl<'a> Judge<'a> {
     }
 
     /// How the estimates were made, how far off they were, and what is to be said.
-    pub fn finish(&self, candidates: &[Candidate]) -> (Option<EstimateNote>, Vec<Check>, Vec<String>) {
+    pub fn finish(&self, candidates: &[Candidate]) -> (Option<EstimateNote>, Vec<EstimateCheck>, Vec<String>) {
         let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
-        let deviation = |s: &Seen| s.estimates.iter().map(|e| e.deviation.powi(2)).sum::<f64>().sqrt() / s.estimates.len() as f64;
+        let deviation =
+            |s: &Estimates| s.estimates.iter().map(|e| e.deviation.powi(2)).sum::<f64>().sqrt() / s.estimates.len() as f64;
         let estimated =
             || candidates.iter().zip(&self.seen).filter(|(c, s)| c.method != Method::Noisy && !s.estimates.is_empty());
-        let checks = estimated().filter(|(_, s)| !s.measured.is_empty()).map(|(candidate, s)| Check {
+        let checks = estimated().filter(|(_, s)| !s.measured.is_empty()).map(|(candidate, s)| EstimateCheck {
             name: candidate.name.clone(),
             estimated: mean(&s.estimates.iter().map(|e| e.relmse).collect::<Vec<_>>()),
             deviation: deviation(s),
@@ -212,7 +213,7 @@ impl<'a> Judge<'a> {
                 _ if note.is_some() => None,
                 Some(Unseen::SameNoise) => Some("the frames share one noise pattern: animate the seed"),
                 Some(Unseen::Lost) => Some("hardly any pixel can be followed through the frames"),
-                Some(Unseen::NoWay) => Some("there are no motion vectors to follow"),
+                Some(Unseen::NoMotion) => Some("there are no motion vectors to follow"),
                 None => Some("no frame has enough readable frames before and after it"),
             };
             remarks.extend(why.map(|why| format!("The error could not be estimated: {why}.")));

@@ -11,7 +11,7 @@ use super::crops::{CropSet, Crops};
 use super::judge::{Judge, Verdict};
 use super::machine::Machine;
 use super::oidn::Oidn;
-use super::record::{ERRORS, FrameErrors, Report, Row};
+use super::record::{ERRORS, FrameErrors, Report, SettingRow};
 use super::statistics::{Spread, pareto};
 use crate::engine::{EncodedFrame, Engine, STAGES};
 use crate::error::{Error, Result};
@@ -26,7 +26,7 @@ pub const FRAMES: usize = 16;
 
 /// What to measure.
 #[derive(Clone, Debug)]
-pub struct Options {
+pub struct MeasureOptions {
     /// Folder, pattern or file with the frames as they should be.
     pub reference: Option<PathBuf>,
     /// How often each frame is timed with each candidate, at least 1.
@@ -52,11 +52,11 @@ pub struct Measured {
 ///
 /// # Errors
 /// No frame has a reference, a reference of another size, no frame can be read; [`Error::Cancelled`]. A frame that cannot be
-/// read while others can is told in [`Report::failed`].
+/// read while others can is named in [`Report::failed`].
 pub fn measure(
     scope: &Scope,
     engine: &Engine,
-    options: &Options,
+    options: &MeasureOptions,
     progress: &dyn Fn(usize, usize),
     cancel: &CancelToken,
 ) -> Result<Measured> {
@@ -80,13 +80,13 @@ pub fn measure(
     let scratch = tempfile::Builder::new().prefix("hush-report-").tempdir().map_err(|e| Error::io(std::env::temp_dir(), e))?;
     let images = ImageChoice { layer: options.layer.clone(), view: options.view.clone(), ..Default::default() };
     let judge = Judge::new(scope, references, images, &frames, &candidates);
-    let mut run = Run {
+    let mut run = Measurement {
         scope,
         engine,
         repeats: options.repeats.max(1),
         oidn: options.oidn.clone(),
         scratch: scratch.path(),
-        tallies: candidates.iter().map(|_| Tally::default()).collect(),
+        tallies: candidates.iter().map(|_| CandidateTally::default()).collect(),
         candidates,
         ring: BTreeMap::new(),
         failed: BTreeMap::new(),
@@ -131,7 +131,7 @@ fn references(path: &Path, frames: &[i64], remarks: &mut Vec<String>) -> Result<
 
 /// What was measured of one candidate.
 #[derive(Default)]
-struct Tally {
+struct CandidateTally {
     /// Seconds by repeat, all frames together.
     times: Vec<f64>,
     stages: [f64; STAGES.len()],
@@ -142,11 +142,11 @@ struct Tally {
     by_frame: Vec<FrameErrors>,
 }
 
-struct Run<'a> {
+struct Measurement<'a> {
     scope: &'a Scope,
     engine: &'a Engine,
     candidates: Vec<Candidate>,
-    tallies: Vec<Tally>,
+    tallies: Vec<CandidateTally>,
     repeats: usize,
     oidn: Option<(Oidn, bool)>,
     scratch: &'a Path,
@@ -163,7 +163,7 @@ struct Run<'a> {
     steps: usize,
 }
 
-impl Run<'_> {
+impl Measurement<'_> {
     /// Measures one frame with all candidates.
     fn frame(&mut self, number: i64, progress: &dyn Fn(usize)) -> Result<()> {
         let reach = self.candidates.iter().map(Candidate::window).max().unwrap_or(0);
@@ -213,7 +213,7 @@ impl Run<'_> {
         if self.measured.is_empty() {
             // The first run of all finds no buffers to take again.
             self.hush(number, around, 1)?;
-            self.tallies[1] = Tally::default();
+            self.tallies[1] = CandidateTally::default();
         }
         for repeat in 0..self.repeats {
             let copy = frame.clone();
@@ -295,7 +295,7 @@ impl Run<'_> {
         }
     }
 
-    fn finish(mut self, machine: Machine, options: &Options, of_frames: usize) -> Measured {
+    fn finish(mut self, machine: Machine, options: &MeasureOptions, of_frames: usize) -> Measured {
         let (basis, count) = (self.judge.basis(), self.measured.len().max(1) as f64);
         if options.oidn.is_none() {
             self.remarks.push("OIDN was not measured: oidnDenoise is not installed, or was switched off.".into());
@@ -305,7 +305,7 @@ impl Run<'_> {
             self.remarks.insert(0, text.into());
         }
         let runs = count * self.repeats as f64;
-        let mut rows: Vec<Row> = Vec::new();
+        let mut rows: Vec<SettingRow> = Vec::new();
         for (candidate, tally) in self.candidates.iter().zip(&self.tallies) {
             let is_hush = matches!(candidate.method, Method::Hush { .. });
             let encode = |repeat: usize| if is_hush { self.encode.get(repeat).copied().unwrap_or(0.0) } else { 0.0 };
@@ -316,7 +316,7 @@ impl Run<'_> {
             let errors = std::array::from_fn(|e| {
                 Spread::quartiles(&tally.by_frame.iter().filter_map(|f| f.errors[e]).collect::<Vec<_>>())
             });
-            rows.push(Row {
+            rows.push(SettingRow {
                 candidate: candidate.clone(),
                 seconds: Spread::range(&times),
                 times,

@@ -28,7 +28,7 @@ pub struct Oidn {
 }
 
 /// One denoised frame.
-pub struct Run {
+pub struct OidnRun {
     /// (rows, columns, 3).
     pub colour: Array3<f32>,
     /// Seconds that the filter took, by the tool's own clock, the second time in a row.
@@ -66,7 +66,7 @@ impl Oidn {
     ///
     /// # Errors
     /// The files cannot be written, or the tool fails or says what nobody understands.
-    pub fn run(&self, frame: &Frame, threads: usize, scratch: &Path) -> Result<Run> {
+    pub fn run(&self, frame: &Frame, threads: usize, scratch: &Path) -> Result<OidnRun> {
         let name = |what: &str| scratch.join(format!("{what}.pfm"));
         pfm::write(&name("colour"), frame.colour.view(), |v| if v.is_finite() { v.max(0.0) } else { 0.0 })?;
         let mut command = Command::new(&self.program);
@@ -91,7 +91,7 @@ impl Oidn {
         if colour.dim() != frame.colour.dim() {
             return Err(self.failed("gave an image of another size"));
         }
-        Ok(Run { colour, seconds, version: version(&text), peak })
+        Ok(OidnRun { colour, seconds, version: version(&text), peak })
     }
 
     /// Runs the tool to its end: what it printed, and its peak memory.
@@ -126,9 +126,9 @@ impl Oidn {
 
 fn from_python() -> Option<PathBuf> {
     ["python3", "python"].into_iter().find_map(|python| {
-        let asked = Command::new(python).args(["-c", ASK_PYTHON]).stdin(Stdio::null()).stderr(Stdio::null()).output().ok()?;
-        let folder = PathBuf::from(String::from_utf8(asked.stdout).ok()?.trim());
-        Some(folder.join("bin").join(TOOL)).filter(|p| asked.status.success() && p.is_file())
+        let printed = Command::new(python).args(["-c", ASK_PYTHON]).stdin(Stdio::null()).stderr(Stdio::null()).output().ok()?;
+        let folder = PathBuf::from(String::from_utf8(printed.stdout).ok()?.trim());
+        Some(folder.join("bin").join(TOOL)).filter(|p| printed.status.success() && p.is_file())
     })
 }
 

@@ -1,16 +1,18 @@
 //! The page: one HTML file that needs nothing beside it.
 
-use std::fmt::Write;
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::axes::number;
-use super::candidates::Kind;
+use super::candidates::CandidateKind;
 use super::crops::{CropSet, ERROR_SCALE_END};
 use super::measure::Measured;
 use super::plots::{by_frame, by_stage, error_against_time, ink};
-use super::record::{Basis, ERRORS, Report, Row};
+use super::record::{Basis, ERRORS, Report, SettingRow};
 use super::soundness::soundness;
 use super::statistics::Spread;
-use crate::picture::drawing::{Ink, escape, styles};
+use crate::picture::drawing::{Ink, printable, styles};
 use crate::picture::false_colour::false_colour;
 use crate::words::counted;
 
@@ -24,41 +26,45 @@ const SAMPLE_CHECK: &str = "On Hush's sample shot (8 frames, 12 samples a pixel)
 /// The whole page.
 pub fn page(measured: &Measured) -> String {
     let report = &measured.report;
-    let mut out = String::from("<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n");
-    let name = escape(&report.sequence);
-    let css = include_str!("page.css");
-    let _ = writeln!(out, "{MARK}\n<meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">");
-    let _ = writeln!(out, "<title>Hush report: {name}</title>\n<style>\n{css}{}\n</style>\n</head>\n<body>\n<main>", styles());
-    let _ = writeln!(out, "<h1>Hush report: {name}</h1>\n<p class=\"muted\">{}</p>", escape(&facts(report)));
-    let remarks: Vec<String> = report
-        .remarks
-        .iter()
-        .cloned()
-        .chain(report.failed.iter().map(|(frame, why)| format!("Frame {frame} was not measured: {why}.")))
-        .map(|text| format!("<li>{}</li>", escape(&text)))
-        .collect();
-    if !remarks.is_empty() {
-        let _ = writeln!(out, "<div class=\"note\"><ul>{}</ul></div>", remarks.join(""));
-    }
-    section(&mut out, "Error against time", &format!("{}{}", basis(report), error_against_time(report).inline()));
-    section(&mut out, "Settings", &table(report));
-    section(&mut out, "Tiles", &tiles(&measured.crops));
-    section(&mut out, "Frame by frame", &by_frame(report).inline());
-    section(&mut out, "Time by stage", &by_stage(report).inline());
-    section(&mut out, "Memory", &memory(report));
-    if !report.checks.is_empty() {
-        section(&mut out, "How far off an estimate would have been", &checks(report));
-    }
-    if !report.stability.is_empty() {
-        section(&mut out, "Numerical soundness", &soundness(&report.stability));
-    }
-    section(&mut out, "How it was measured", &method(report));
-    let _ = writeln!(out, "</main>\n<script>\n{}</script>\n</body>\n</html>", include_str!("page.js"));
-    out
+    let title = format!("Hush report: {}", printable(&report.sequence));
+    let failed = report.failed.iter().map(|(frame, why)| format!("Frame {frame} was not measured: {why}."));
+    let remarks: Vec<String> = report.remarks.iter().cloned().chain(failed).collect();
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                (PreEscaped(MARK))
+                meta name="viewport" content="width=device-width,initial-scale=1";
+                title { (title) }
+                style { (PreEscaped(include_str!("page.css"))) (PreEscaped(styles())) }
+            }
+            body {
+                main {
+                    h1 { (title) }
+                    p.muted { (printable(&facts(report))) }
+                    @if !remarks.is_empty() {
+                        div.note { ul { @for text in &remarks { li { (printable(text)) } } } }
+                    }
+                    (section("Error against time", html! { (basis(report)) (error_against_time(report).inline()) }))
+                    (section("Settings", table(report)))
+                    (section("Tiles", tiles(&measured.crops)))
+                    (section("Frame by frame", by_frame(report).inline()))
+                    (section("Time by stage", by_stage(report).inline()))
+                    (section("Memory", memory(report)))
+                    @if !report.checks.is_empty() { (section("How far off an estimate would have been", checks(report))) }
+                    @if !report.stability.is_empty() { (section("Numerical soundness", soundness(&report.stability))) }
+                    (section("How it was measured", method(report)))
+                }
+                script { (PreEscaped(include_str!("page.js"))) }
+            }
+        }
+    };
+    page.into_string()
 }
 
-fn section(out: &mut String, title: &str, body: &str) {
-    let _ = writeln!(out, "<section>\n<h2>{title}</h2>\n{body}</section>");
+fn section(title: &str, body: Markup) -> Markup {
+    html! { section { h2 { (title) } (body) } }
 }
 
 /// The shot and the machine in one line.
@@ -82,215 +88,191 @@ fn facts(report: &Report) -> String {
 }
 
 /// What the errors stand on.
-fn basis(report: &Report) -> String {
+fn basis(report: &Report) -> Markup {
+    let change = "The change along the motion holds what really changes in the light, too: only its differences between settings tell \
+                  something.";
     match (report.basis, &report.estimate) {
-        (Basis::Reference, _) => {
-            let path = escape(report.reference.as_deref().unwrap_or_default());
-            format!("<p>Errors are against the references in {path}. Their own noise, if they have any, is in every number.</p>")
-        }
-        (Basis::Estimate, Some(note)) => format!(
-            "<p><strong>There are no references, so the error is an estimate.</strong> Each frame was judged by the noisy frames {} before \
-             and {} after it, carried to it along the motion vectors: {}, {:.0} % of their pixels, those that can be followed both \
-             ways. They are the easier ones: the error of whole frames is higher. The standard error of a setting's mean is up to {}. \
-             {SAMPLE_CHECK} The change along the motion holds what really changes in the light, too: only its differences between \
-             settings tell something.</p>",
-            note.distance,
-            note.distance,
-            counted(note.frames, "frame"),
-            100.0 * note.share,
-            number(note.deviation)
-        ),
-        (Basis::Estimate, None) => {
-            "<p>There are no references, and the error could not be estimated. The change along the motion holds \
-             what really changes in the light, too: only its differences between settings tell something.</p>"
-                .into()
-        }
+        (Basis::Reference, _) => html! {
+            p {
+                "Errors are against the references in " (printable(report.reference.as_deref().unwrap_or_default()))
+                ". Their own noise, if they have any, is in every number."
+            }
+        },
+        (Basis::Estimate, Some(note)) => html! {
+            p {
+                strong { "There are no references, so the error is an estimate." }
+                " Each frame was judged by the noisy frames " (note.distance) " before and " (note.distance) " after it, carried to it \
+                 along the motion vectors: " (counted(note.frames, "frame")) ", " (format!("{:.0}", 100.0 * note.share)) " % of their \
+                 pixels, those that can be followed both ways. They are the easier ones: the error of whole frames is higher. The \
+                 standard error of a setting's mean is up to " (number(note.deviation)) ". " (SAMPLE_CHECK) " " (change)
+            }
+        },
+        (Basis::Estimate, None) => html! { p { "There are no references, and the error could not be estimated. " (change) } },
     }
 }
 
-fn cell(spread: Option<Spread>, middle: Option<f64>, front: bool) -> String {
-    let class = if front { " class=\"front\"" } else { "" };
-    match (spread, middle) {
-        (Some(s), Some(middle)) => {
-            format!("<td{class}>{}<small>{}–{}</small></td>", number(middle), number(s.low), number(s.high))
+fn cell(spread: Option<Spread>, middle: Option<f64>, front: bool) -> Markup {
+    match spread.zip(middle) {
+        Some((s, middle)) => {
+            html! { td class=[front.then_some("front")] { (number(middle)) small { (number(s.low)) "–" (number(s.high)) } } }
         }
-        _ => "<td>–</td>".into(),
+        None => html! { td { "–" } },
     }
 }
 
-fn name_cell(row: &Row) -> String {
-    let class = match ink(&row.candidate) {
+fn name_cell(row: &SettingRow) -> Markup {
+    let colour = match ink(&row.candidate) {
         Ink::Series(i) => format!("b i-{i}"),
         _ => String::new(),
     };
-    let default = if row.candidate.default { " <small>default</small>" } else { "" };
-    format!("<td><i class=\"dot {class}\"></i>{}{default}</td>", escape(&row.candidate.name))
+    html! {
+        td { i class={ "dot " (colour) } {} (row.candidate.name) @if row.candidate.default { " " small { "default" } } }
+    }
 }
 
-fn table(report: &Report) -> String {
+fn table(report: &Report) -> Markup {
     let rows = &report.rows_by_setting;
     let base = rows.iter().find(|r| r.candidate.default).and_then(|r| r.seconds).map(|s| s.median);
     let titles = report.basis.titles();
     let which: Vec<usize> = (0..ERRORS).filter(|e| titles[*e].is_some() && rows.iter().any(|r| r.errors[*e].is_some())).collect();
-    let heads: String = which.iter().filter_map(|e| titles[*e]).map(|t| format!("<th>{t}</th>")).collect();
-    let mut out = format!(
-        "<div class=\"wide\"><table>\n<tr><th>setting</th><th>seconds a frame</th><th>of default</th>{heads}<th>not computed</th></tr>\n"
-    );
-    for (i, row) in rows.iter().enumerate() {
-        let front = row.front.iter().any(|f| *f);
-        let time = cell(row.seconds, row.seconds.map(|s| s.median), false);
-        let share = row.seconds.zip(base).map_or("–".into(), |(s, base)| format!("{:.2}×", s.median / base.max(1e-12)));
-        let errors: String =
-            which.iter().map(|e| cell(row.errors[*e], row.error(*e, report.basis), front && row.front[*e])).collect();
-        let left = row.left_out.map_or("–".into(), |l| format!("{:.1} %", 100.0 * l));
-        let _ = writeln!(out, "<tr data-row=\"{i}\">{}{time}<td>{share}</td>{errors}<td>{left}</td></tr>", name_cell(row));
-    }
+    let share = |row: &SettingRow| row.seconds.zip(base).map(|(s, base)| format!("{:.2}×", s.median / base.max(1e-12)));
+    let left_out = |row: &SettingRow| row.left_out.map(|l| format!("{:.1} %", 100.0 * l));
+    let or_none = |text: Option<String>| text.unwrap_or_else(|| "–".into());
     let middle = if report.basis == Basis::Estimate { "the estimated mean" } else { "the median over the frames" };
-    let _ = write!(
-        out,
-        "</table></div>\n<p class=\"muted\">Time: the median of the repeats, then the least and the greatest. Error: {middle}, then the \
-         quartiles over the frames. ● on the Pareto front: nothing is both faster and better.</p>\n"
-    );
-    out
+    html! {
+        div.wide {
+            table {
+                tr {
+                    th { "setting" } th { "seconds a frame" } th { "of default" }
+                    @for e in &which { th { (titles[*e].unwrap_or_default()) } }
+                    th { "not computed" }
+                }
+                @for (i, row) in rows.iter().enumerate() {
+                    tr data-row=(i) {
+                        (name_cell(row))
+                        (cell(row.seconds, row.seconds.map(|s| s.median), false))
+                        td { (or_none(share(row))) }
+                        @for e in &which { (cell(row.errors[*e], row.error(*e, report.basis), row.front[*e])) }
+                        td { (or_none(left_out(row))) }
+                    }
+                }
+            }
+        }
+        p.muted {
+            "Time: the median of the repeats, then the least and the greatest. Error: " (middle) ", then the quartiles over the frames. \
+             ● on the Pareto front: nothing is both faster and better."
+        }
+    }
 }
 
-fn tiles(sets: &[CropSet]) -> String {
+fn tiles(sets: &[CropSet]) -> Markup {
     let stops: Vec<String> = (0..=10)
         .map(|i| false_colour(f64::from(i) / 10.0).map(|v| (v.round() as u8).to_string()).join(","))
         .map(|rgb| format!("rgb({rgb})"))
         .collect();
-    let mut out = format!(
-        "<p class=\"muted\">Below each picture its error in false colour, SMAPE by pixel: 0 \
-         <span class=\"scale\" style=\"background:linear-gradient(90deg,{})\"></span> {ERROR_SCALE_END} and more.</p>\n",
-        stops.join(",")
-    );
-    for set in sets {
-        let kind = match (set.which, set.against_reference) {
-            ("worst", true) => "Where the default is worst",
-            ("worst", false) => "Where settings differ most",
-            (_, true) => "Where the default's error is the median",
-            (_, false) => "Where settings differ as they mostly do",
-        };
-        let against =
-            if set.against_reference { "" } else { " Without references false colours show the difference to the default." };
-        let _ = writeln!(
-            out,
-            "<h3>{kind}: frame {}, {}×{} pixels from column {}, row {}.{against}</h3>\n<div class=\"tiles\">",
-            set.frame, set.columns, set.rows, set.column, set.row
-        );
-        for picture in &set.pictures {
-            let (name, data) = (escape(&picture.name), base64(&picture.image));
-            let _ = write!(out, "<figure><img alt=\"{name}\" src=\"data:image/png;base64,{data}\">");
-            if let Some((_, image)) = &picture.error {
-                let _ = write!(out, "<img alt=\"error of {name}\" src=\"data:image/png;base64,{}\">", base64(image));
-            }
-            let error = picture.error.as_ref().map(|(e, _)| format!("<br>{}", number(*e))).unwrap_or_default();
-            let _ = writeln!(out, "<figcaption>{name}{error}</figcaption></figure>");
+    let heading = |set: &CropSet| match (set.which, set.against_reference) {
+        ("worst", true) => "Where the default is worst",
+        ("worst", false) => "Where settings differ most",
+        (_, true) => "Where the default's error is the median",
+        (_, false) => "Where settings differ as they mostly do",
+    };
+    let source = |png: &[u8]| format!("data:image/png;base64,{}", STANDARD.encode(png));
+    html! {
+        p.muted {
+            "Below each picture its error in false colour, SMAPE by pixel: 0 "
+            span.scale style={ "background:linear-gradient(90deg," (stops.join(",")) ")" } {}
+            " " (ERROR_SCALE_END) " and more."
         }
-        out.push_str("</div>\n");
+        @for set in sets {
+            h3 {
+                (heading(set)) ": frame " (set.frame) ", " (set.columns) "×" (set.rows) " pixels from column " (set.column) ", row " (set.row) "."
+                @if !set.against_reference { " Without references false colours show the difference to the default." }
+            }
+            div.tiles {
+                @for picture in &set.pictures {
+                    figure {
+                        img alt=(picture.name) src=(source(&picture.image));
+                        @if let Some((_, image)) = &picture.error { img alt={ "error of " (picture.name) } src=(source(image)); }
+                        figcaption { (picture.name) @if let Some((error, _)) = &picture.error { br; (number(*error)) } }
+                    }
+                }
+            }
+        }
     }
-    out
 }
 
-fn memory(report: &Report) -> String {
+fn memory(report: &Report) -> Markup {
     let mib = |bytes: Option<u64>| bytes.map_or("–".into(), |b| format!("{:.0} MiB", b as f64 / f64::from(1 << 20)));
-    let mut out = String::from(
-        "<div class=\"wide\"><table>\n<tr><th>setting</th><th>frames of the window</th><th>buffers of a tile</th><th>whole process</th></tr>\n",
-    );
-    for (i, row) in report.rows_by_setting.iter().enumerate().filter(|(_, r)| r.seconds.is_some()) {
-        let (window, tile) = (row.window_bytes.map(|b| b as u64), row.tile_bytes.map(|b| b as u64));
-        let cells = [mib(window), mib(tile), mib(row.peak_bytes)].map(|c| format!("<td>{c}</td>")).join("");
-        let _ = writeln!(out, "<tr data-row=\"{i}\">{}{cells}</tr>", name_cell(row));
-    }
     let peak = match report.machine.peak_bytes {
         Some(_) => format!(
-            "The peak of this whole process, which held all settings' pictures at once, was {}. ",
+            "The peak of this whole process, which held all settings' pictures at once, was {}.",
             mib(report.machine.peak_bytes)
         ),
-        None => "This system does not tell a process's peak. ".into(),
+        None => "This system does not tell a process's peak.".into(),
     };
-    let _ = write!(
-        out,
-        "</table></div>\n<p class=\"muted\">For Hush by its own account, the most of any frame; for OIDN its process's peak, pictures \
-         included. {peak}</p>\n"
-    );
-    out
-}
-
-fn checks(report: &Report) -> String {
-    let mut out = String::from(
-        "<p>Without references the relMSE would have been estimated from noisy frames before and after. Both, on the pixels that can be \
-         followed both ways:</p>\n<div class=\"wide\"><table>\n<tr><th>setting</th><th>estimated</th><th>against the references</th>\
-         <th>the references' own noise</th><th>estimate − (measured − noise)</th></tr>\n",
-    );
-    for check in &report.checks {
-        let noise = check.reference_noise.map_or("–".into(), number);
-        let off = check.reference_noise.map_or("–".into(), |n| format!("{:+.4}", check.estimated - (check.measured - n)));
-        let _ = writeln!(
-            out,
-            "<tr><td>{}</td><td>{}<small>±{}</small></td><td>{}</td><td>{noise}</td><td>{off}</td></tr>",
-            escape(&check.name),
-            number(check.estimated),
-            number(check.deviation),
-            number(check.measured)
-        );
-    }
-    out.push_str("</table></div>\n");
-    out
-}
-
-fn method(report: &Report) -> String {
-    let own = match report.basis {
-        Basis::Reference => "SMAPE, relMSE and flicker are those of <code>hush eval</code>.",
-        Basis::Estimate => "With a reference the page shows errors instead of an estimate.",
-    };
-    let peer = match report.rows_by_setting.iter().any(|r| r.candidate.kind == Kind::Oidn) {
-        true => {
-            "<p>OIDN ran at quality high with albedo and normal where the frames have them. Its time is its filter's alone, by its own \
-             clock, the second run in a row, with as many threads; starting it and its files are not in it.</p>\n"
+    html! {
+        div.wide {
+            table {
+                tr { th { "setting" } th { "frames of the window" } th { "buffers of a tile" } th { "whole process" } }
+                @for (i, row) in report.rows_by_setting.iter().enumerate().filter(|(_, r)| r.seconds.is_some()) {
+                    tr data-row=(i) {
+                        (name_cell(row))
+                        @for bytes in [row.window_bytes.map(|b| b as u64), row.tile_bytes.map(|b| b as u64), row.peak_bytes] {
+                            td { (mib(bytes)) }
+                        }
+                    }
+                }
+            }
         }
-        false => "",
-    };
-    format!(
-        "<p>Every frame was denoised with every setting, {} in turn and in changing order, so that what else the machine did met all \
-         of them. A setting's time is that of encoding the frame once and denoising it, in memory; reading and writing files overlap with \
-         it in a run and are not in it. {own} Each setting differs from the default in what its name says: <em>window</em>, frames on each \
-         side; <em>no skipping</em>, nothing left out; <em>λ</em>, the dial, 1 by \
-         default.</p>\n{peer}",
-        if report.repeats == 1 { "once,".into() } else { format!("{} times", report.repeats) }
-    )
+        p.muted { "For Hush by its own account, the most of any frame; for OIDN its process's peak, pictures included. " (peak) }
+    }
 }
 
-/// Bytes as base64 (RFC 4648).
-fn base64(bytes: &[u8]) -> String {
-    const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for chunk in bytes.chunks(3) {
-        let all = chunk.iter().fold(0u32, |n, b| n << 8 | u32::from(*b)) << (8 * (3 - chunk.len()));
-        for i in 0..4 {
-            let letter = LETTERS[(all >> (18 - 6 * i) & 63) as usize] as char;
-            out.push(if i <= chunk.len() { letter } else { '=' });
+fn checks(report: &Report) -> Markup {
+    html! {
+        p {
+            "Without references the relMSE would have been estimated from noisy frames before and after. Both, on the pixels that can be \
+             followed both ways:"
+        }
+        div.wide {
+            table {
+                tr {
+                    th { "setting" } th { "estimated" } th { "against the references" } th { "the references' own noise" }
+                    th { "estimate − (measured − noise)" }
+                }
+                @for check in &report.checks {
+                    tr {
+                        td { (check.name) }
+                        td { (number(check.estimated)) small { "±" (number(check.deviation)) } }
+                        td { (number(check.measured)) }
+                        td { (check.reference_noise.map_or("–".into(), number)) }
+                        td { (check.reference_noise.map_or("–".into(), |n| format!("{:+.4}", check.estimated - (check.measured - n)))) }
+                    }
+                }
+            }
         }
     }
-    out
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn base64_is_the_published_one() {
-        let cases = [
-            ("", ""),
-            ("f", "Zg=="),
-            ("fo", "Zm8="),
-            ("foo", "Zm9v"),
-            ("foob", "Zm9vYg=="),
-            ("fooba", "Zm9vYmE="),
-            ("foobar", "Zm9vYmFy"),
-        ];
-        cases.into_iter().for_each(|(plain, coded)| assert_eq!(base64(plain.as_bytes()), coded));
-        assert_eq!(base64(&[255, 254, 0]), "//4A");
+fn method(report: &Report) -> Markup {
+    let times = if report.repeats == 1 { "once,".into() } else { format!("{} times", report.repeats) };
+    html! {
+        p {
+            "Every frame was denoised with every setting, " (times) " in turn and in changing order, so that what else the machine did \
+             met all of them. A setting's time is that of encoding the frame once and denoising it, in memory; reading and writing files \
+             overlap with it in a run and are not in it. "
+            @match report.basis {
+                Basis::Reference => { "SMAPE, relMSE and flicker are those of " code { "hush eval" } "." }
+                Basis::Estimate => { "With a reference the page shows errors instead of an estimate." }
+            }
+            " Each setting differs from the default in what its name says: " em { "window" } ", frames on each side; " em { "no skipping" }
+            ", nothing left out; " em { "λ" } ", the dial, 1 by default."
+        }
+        @if report.rows_by_setting.iter().any(|r| r.candidate.kind == CandidateKind::Oidn) {
+            p {
+                "OIDN ran at quality high with albedo and normal where the frames have them. Its time is its filter's alone, by its own \
+                 clock, the second run in a row, with as many threads; starting it and its files are not in it."
+            }
+        }
     }
 }

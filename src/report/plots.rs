@@ -1,8 +1,8 @@
 //! The three pictures of a report: error against time, error by frame, where the time goes.
 
 use super::axes::{Label, Panel, SMALL, number, place, range, stack};
-use super::candidates::{Candidate, Kind, Method};
-use super::record::{Basis, ERRORS, Report, Row};
+use super::candidates::{Candidate, CandidateKind, Method};
+use super::record::{Basis, ERRORS, Report, SettingRow};
 use crate::engine::STAGES;
 use crate::picture::drawing::{Anchor, Drawing, Group, Ink, Shape};
 use crate::picture::raster::text_width;
@@ -16,15 +16,15 @@ const STAGE_INKS: [usize; STAGES.len()] = [0, 5, 7, 1, 8, 10, 11];
 /// The colour of a candidate.
 pub fn ink(candidate: &Candidate) -> Ink {
     Ink::Series(match (candidate.kind, candidate.method) {
-        (Kind::Noisy, _) => 0,
-        (Kind::Window, Method::Hush { window: 0, .. }) if !candidate.default => 2,
-        (Kind::Window, Method::Hush { window: 1, .. }) => 3,
-        (Kind::Window, Method::Hush { window: 3, .. }) => 4,
-        (Kind::Window, _) => 1,
-        (Kind::Skipping, _) => 7,
-        (Kind::Lambda, Method::Hush { lambda, .. }) if lambda > 8.0 => 9,
-        (Kind::Lambda, _) => 8,
-        (Kind::Oidn, _) => 10,
+        (CandidateKind::Noisy, _) => 0,
+        (CandidateKind::Window, Method::Hush { window: 0, .. }) if !candidate.default => 2,
+        (CandidateKind::Window, Method::Hush { window: 1, .. }) => 3,
+        (CandidateKind::Window, Method::Hush { window: 3, .. }) => 4,
+        (CandidateKind::Window, _) => 1,
+        (CandidateKind::Skipping, _) => 7,
+        (CandidateKind::Lambda, Method::Hush { lambda, .. }) if lambda > 8.0 => 9,
+        (CandidateKind::Lambda, _) => 8,
+        (CandidateKind::Oidn, _) => 10,
     })
 }
 
@@ -52,7 +52,7 @@ fn shown(report: &Report) -> Vec<(usize, &'static str)> {
 }
 
 /// A row in one line, for pointing at.
-fn tip(row: &Row, report: &Report) -> String {
+fn tip(row: &SettingRow, report: &Report) -> String {
     let mut parts = vec![row.candidate.name.clone()];
     parts.extend(row.seconds.map(|s| format!("{} s a frame ({}–{})", number(s.median), number(s.low), number(s.high))));
     for (e, title) in shown(report) {
@@ -78,11 +78,12 @@ pub fn error_against_time(report: &Report) -> Drawing {
     }
     for (n, (e, title)) in panels.into_iter().enumerate() {
         let bars = report.basis == Basis::Reference || e != 1;
-        let of = |row: &Row| {
+        let of = |row: &SettingRow| {
             let (seconds, error) = (row.seconds?, row.errors[e]?);
             Some((seconds, error, row.error(e, report.basis)?))
         };
-        let rows: Vec<(usize, &Row)> = report.rows_by_setting.iter().enumerate().filter(|(_, r)| of(r).is_some()).collect();
+        let rows: Vec<(usize, &SettingRow)> =
+            report.rows_by_setting.iter().enumerate().filter(|(_, r)| of(r).is_some()).collect();
         let values = rows.iter().filter_map(|(_, r)| of(r)).flat_map(|(_, s, v)| if bars { [s.low, s.high] } else { [v, v] });
         let top = 96.0 + (height + 70.0) * n as f64;
         let panel = Panel { left: LEFT, top, width: WIDTH - LEFT - 30.0, height, x, y: range(values, false) };
@@ -155,14 +156,14 @@ pub fn by_frame(report: &Report) -> Drawing {
     let frames = report.frames.iter().map(|f| *f as f64);
     let (low, high) = frames.fold((f64::INFINITY, f64::NEG_INFINITY), |a, f| (a.0.min(f), a.1.max(f)));
     for (n, (e, title)) in panels.into_iter().enumerate() {
-        let drawn = |row: &Row| !matches!(row.candidate.kind, Kind::Noisy | Kind::Skipping);
-        let rows: Vec<(usize, &Row)> = report.rows_by_setting.iter().enumerate().filter(|(_, r)| drawn(r)).collect();
+        let drawn = |row: &SettingRow| !matches!(row.candidate.kind, CandidateKind::Noisy | CandidateKind::Skipping);
+        let rows: Vec<(usize, &SettingRow)> = report.rows_by_setting.iter().enumerate().filter(|(_, r)| drawn(r)).collect();
         let values = rows.iter().flat_map(|(_, r)| r.by_frame.iter().filter_map(|f| f.errors[e]));
         let top = 96.0 + (height + 70.0) * n as f64;
         let x = if high > low { (low, high) } else { (low - 1.0, low + 1.0) };
         let panel = Panel { left: LEFT, top, width: WIDTH - LEFT - 130.0, height, x, y: range(values, false) };
         drawing.add(panel.frame("frame", title, true));
-        let points = |row: &Row| -> Vec<(f64, f64)> {
+        let points = |row: &SettingRow| -> Vec<(f64, f64)> {
             row.by_frame.iter().filter_map(|f| Some(panel.at(f.frame as f64, f.errors[e]?))).collect()
         };
         let (rows, ends): (Vec<_>, Vec<_>) =
@@ -186,7 +187,7 @@ pub fn by_frame(report: &Report) -> Drawing {
 
 /// Seconds a frame by stage, a bar a candidate of Hush.
 pub fn by_stage(report: &Report) -> Drawing {
-    let rows: Vec<(usize, &Row)> = report.rows_by_setting.iter().enumerate().filter(|(_, r)| r.stages.is_some()).collect();
+    let rows: Vec<(usize, &SettingRow)> = report.rows_by_setting.iter().enumerate().filter(|(_, r)| r.stages.is_some()).collect();
     let mut drawing = Drawing::new(WIDTH, 120.0 + 30.0 * rows.len() as f64, "Seconds a frame in each stage");
     drawing.add(heading(report, "Where the time goes", "Mean seconds a frame."));
     let mut x = 20.0;
@@ -199,7 +200,7 @@ pub fn by_stage(report: &Report) -> Drawing {
         ]);
         x += width + 40.0;
     }
-    let total = |row: &Row| row.stages.map_or(0.0, |s| s.iter().sum::<f64>());
+    let total = |row: &SettingRow| row.stages.map_or(0.0, |s| s.iter().sum::<f64>());
     let most = rows.iter().map(|(_, r)| total(r)).fold(1e-12, f64::max);
     let (left, full) = (120.0, WIDTH - 120.0 - 90.0);
     for (n, (i, row)) in rows.into_iter().enumerate() {

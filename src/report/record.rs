@@ -54,11 +54,11 @@ pub struct Report {
     pub machine: Machine,
     pub basis: Basis,
     /// One a candidate, the noisy picture first.
-    pub rows_by_setting: Vec<Row>,
+    pub rows_by_setting: Vec<SettingRow>,
     /// About the estimate, where there is one.
     pub estimate: Option<EstimateNote>,
     /// The estimate beside the measured error, where there are references.
-    pub checks: Vec<Check>,
+    pub checks: Vec<EstimateCheck>,
     /// The table of numerical soundness, where it was asked for.
     pub stability: Vec<stability::CheckRow>,
     /// What a reader must know, a sentence each.
@@ -69,7 +69,7 @@ pub struct Report {
 
 /// One candidate.
 #[derive(Clone, Debug, Serialize)]
-pub struct Row {
+pub struct SettingRow {
     #[serde(flatten)]
     pub candidate: Candidate,
     /// Seconds a frame: the median, least and greatest of the repeats, each the mean over the frames. None for the noisy picture.
@@ -93,7 +93,7 @@ pub struct Row {
     pub peak_bytes: Option<u64>,
 }
 
-impl Row {
+impl SettingRow {
     /// The number that stands for an error: the median over the frames; of an estimate the mean, which alone has no bias.
     pub fn error(&self, which: usize, basis: Basis) -> Option<f64> {
         self.errors[which].map(|s| if basis == Basis::Estimate && which == 1 { s.mean } else { s.median })
@@ -129,7 +129,7 @@ pub struct EstimateNote {
 
 /// An estimate beside what the references say, on the same pixels.
 #[derive(Clone, Debug, Serialize)]
-pub struct Check {
+pub struct EstimateCheck {
     /// The candidate's name.
     pub name: String,
     /// The estimated relMSE.

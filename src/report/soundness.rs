@@ -1,41 +1,40 @@
 //! The table of numerical soundness on the page: the worst case of each check.
 
-use std::fmt::Write;
+use maud::{Markup, html};
 
-use crate::picture::drawing::escape;
+use super::axes::number;
+use crate::picture::drawing::printable;
 use crate::stability::{CHECKS, CheckRow, summary};
 
 /// The section's body.
-pub fn soundness(rows: &[CheckRow]) -> String {
+pub fn soundness(rows: &[CheckRow]) -> Markup {
     let failed = rows.iter().filter(|r| !r.passed).count();
-    let verdict = if failed == 0 { "none failed".to_string() } else { format!("<strong>{failed} failed</strong>") };
-    let mut out = format!(
-        "<p>{} checks of hard cases on this machine, with the weights used here: {verdict}. The worst case of each check; all rows lie in \
-         <code>stability.csv</code>.</p>\n<div class=\"wide\"><table class=\"words\">\n<tr><th>promise</th><th>at most</th><th>worst found</th>\
-         <th>case</th><th>holds</th></tr>\n",
-        rows.len()
-    );
-    for row in summary(rows) {
-        let check = CHECKS.iter().find(|c| c.name == row.check);
-        let (promise, unit) = check.map_or((row.check.as_str(), ""), |c| (c.promise, c.unit));
-        let worst = if row.worst == f64::MAX { "no number".to_string() } else { short(row.worst) };
-        let place = if row.place.is_empty() { String::new() } else { format!("<small>{}</small>", escape(&row.place)) };
-        let _ = writeln!(
-            out,
-            "<tr><td>{}<small>{}</small></td><td>{}<small>{unit}</small></td><td>{worst}</td><td>{}{place}</td><td>{}</td></tr>",
-            escape(&row.check),
-            escape(promise),
-            short(row.bound),
-            escape(&row.case),
-            if row.passed { "yes" } else { "<strong>no</strong>" }
-        );
+    let about = |row: &CheckRow| CHECKS.iter().find(|c| c.name == row.check).map_or(("", ""), |c| (c.promise, c.unit));
+    html! {
+        p {
+            (rows.len()) " checks of hard cases on this machine, with the weights used here: "
+            @if failed == 0 { "none failed" } @else { strong { (failed) " failed" } }
+            ". The worst case of each check; all rows lie in " code { "stability.csv" } "."
+        }
+        div.wide {
+            table.words {
+                tr { th { "promise" } th { "at most" } th { "worst found" } th { "case" } th { "holds" } }
+                @for (row, (promise, unit)) in summary(rows).iter().map(|row| (row, about(row))) {
+                    tr {
+                        td { (row.check) small { (promise) } }
+                        td { (short(row.bound)) small { (unit) } }
+                        td { @if row.worst == f64::MAX { "no number" } @else { (short(row.worst)) } }
+                        td { (printable(&row.case)) @if !row.place.is_empty() { small { (printable(&row.place)) } } }
+                        td { @if row.passed { "yes" } @else { strong { "no" } } }
+                    }
+                }
+            }
+        }
     }
-    out.push_str("</table></div>\n");
-    out
 }
 
 fn short(value: f64) -> String {
-    if value == 0.0 || (0.01..1000.0).contains(&value) { super::axes::number(value) } else { format!("{value:.1e}") }
+    if value == 0.0 || (0.01..1000.0).contains(&value) { number(value) } else { format!("{value:.1e}") }
 }
 
 #[cfg(test)]
@@ -52,9 +51,9 @@ mod tests {
             place: "row 3".into(),
             passed: worst <= 1e-5,
         };
-        let good = soundness(&[row("exposure", 1e-7), row("range", 0.0)]);
+        let good = soundness(&[row("exposure", 1e-7), row("range", 0.0)]).into_string();
         assert!(good.contains("2 checks") && good.contains("none failed") && good.contains("one &lt;lit&gt; pixel"));
-        let bad = soundness(&[row("exposure", 1e-7), row("exposure", f64::MAX), row("range", 0.0)]);
+        let bad = soundness(&[row("exposure", 1e-7), row("exposure", f64::MAX), row("range", 0.0)]).into_string();
         assert!(
             bad.contains("<strong>1 failed</strong>")
                 && bad.contains("no number")

@@ -10,7 +10,7 @@ use crate::words;
 
 /// A set of frame numbers, kept as ranges. In files a text such as `1-48,60`, or one number.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(try_from = "Written", into = "Written")]
+#[serde(try_from = "WrittenFrames", into = "WrittenFrames")]
 pub struct FrameSet {
     /// Sorted, disjoint, both ends included.
     ranges: Vec<(i64, i64)>,
@@ -19,23 +19,23 @@ pub struct FrameSet {
 /// As files hold it.
 #[derive(Serialize, Deserialize)]
 #[serde(untagged, expecting = "expected frames such as \"1-48,60\"")]
-enum Written {
+enum WrittenFrames {
     Number(i64),
     Text(String),
 }
 
-impl TryFrom<Written> for FrameSet {
+impl TryFrom<WrittenFrames> for FrameSet {
     type Error = Error;
 
-    fn try_from(written: Written) -> Result<Self, Error> {
+    fn try_from(written: WrittenFrames) -> Result<Self, Error> {
         match written {
-            Written::Number(number) => number.to_string().parse(),
-            Written::Text(text) => text.parse(),
+            WrittenFrames::Number(number) => number.to_string().parse(),
+            WrittenFrames::Text(text) => text.parse(),
         }
     }
 }
 
-impl From<FrameSet> for Written {
+impl From<FrameSet> for WrittenFrames {
     fn from(set: FrameSet) -> Self {
         Self::Text(set.to_string())
     }

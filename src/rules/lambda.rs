@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 /// As text `8`, or `1:1,24:8`: frame 1 has 1, frame 24 has 8, frames between have what lies between, frames outside what the
 /// nearest key has. As JSON or TOML a number, or a list of pairs `[[1, 1], [24, 8]]`. Frames of keys may have fractions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "Written", into = "Written")]
+#[serde(try_from = "WrittenLambda", into = "WrittenLambda")]
 pub struct Lambda {
     /// Frame and value, ascending, at least one.
     keys: Vec<(f64, f32)>,
@@ -24,7 +24,7 @@ pub struct Lambda {
 /// As files hold it.
 #[derive(Clone, Serialize, Deserialize)]
 #[serde(untagged, expecting = "expected a number from 1 to 64, or keys such as [[1, 1], [24, 8]] (frame, value)")]
-enum Written {
+enum WrittenLambda {
     Constant(f32),
     Keys(Vec<(f64, f32)>),
 }
@@ -124,18 +124,18 @@ impl Display for Lambda {
     }
 }
 
-impl TryFrom<Written> for Lambda {
+impl TryFrom<WrittenLambda> for Lambda {
     type Error = Error;
 
-    fn try_from(written: Written) -> Result<Self> {
+    fn try_from(written: WrittenLambda) -> Result<Self> {
         match written {
-            Written::Constant(value) => Self::constant(value),
-            Written::Keys(keys) => Self::keyed(keys),
+            WrittenLambda::Constant(value) => Self::constant(value),
+            WrittenLambda::Keys(keys) => Self::keyed(keys),
         }
     }
 }
 
-impl From<Lambda> for Written {
+impl From<Lambda> for WrittenLambda {
     fn from(lambda: Lambda) -> Self {
         match lambda.keys.as_slice() {
             [(_, value)] => Self::Constant(*value),

@@ -3,5 +3,6 @@
 pub mod checks;
 pub mod frames;
 pub mod lambda;
+pub mod pixel_checks;
 pub mod skip;
 pub mod window;

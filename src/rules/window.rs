@@ -33,7 +33,7 @@ pub enum Unused {
 
 /// A frame of the window around a centre frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Neighbour {
+pub struct WindowFrame {
     /// −3…3, never 0.
     pub offset: i32,
     /// Its frame number.
@@ -44,7 +44,7 @@ pub struct Neighbour {
 
 /// What is known of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Known {
+pub enum Availability {
     /// Before the first or after the last frame.
     Outside,
     /// No such file.
@@ -59,7 +59,7 @@ pub enum Known {
 ///
 /// A frame is used if it is readable, of the centre's size, and every step from the centre to it has motion vectors: the step
 /// from frame a to the next one outward is made with a's Vector pass.
-pub fn neighbours(centre: i64, radius: usize, known: impl Fn(i64) -> Known) -> Vec<Neighbour> {
+pub fn neighbours(centre: i64, radius: usize, known: impl Fn(i64) -> Availability) -> Vec<WindowFrame> {
     let here = known(centre);
     let mut window = Vec::with_capacity(2 * radius);
     for direction in [-1i64, 1] {
@@ -69,20 +69,24 @@ pub fn neighbours(centre: i64, radius: usize, known: impl Fn(i64) -> Known) -> V
             let number = centre + direction * step;
             let outer = known(number);
             let unused = match (here, inner, outer) {
-                (_, _, Known::Outside) => Some(Unused::EndOfShot),
-                (_, _, Known::Missing) => Some(Unused::Missing),
-                (_, _, Known::Bad) => Some(Unused::Bad),
-                (Known::Good { vector: false, .. }, ..) => Some(Unused::NoVector),
-                (Known::Good { columns: c, rows: r, .. }, _, Known::Good { columns, rows, .. }) if (c, r) != (columns, rows) => {
+                (_, _, Availability::Outside) => Some(Unused::EndOfShot),
+                (_, _, Availability::Missing) => Some(Unused::Missing),
+                (_, _, Availability::Bad) => Some(Unused::Bad),
+                (Availability::Good { vector: false, .. }, ..) => Some(Unused::NoVector),
+                (Availability::Good { columns: c, rows: r, .. }, _, Availability::Good { columns, rows, .. })
+                    if (c, r) != (columns, rows) =>
+                {
                     Some(Unused::OtherSize)
                 }
-                (Known::Good { passes: a, .. }, _, Known::Good { passes: b, .. }) if a != b => Some(Unused::OtherPasses),
-                (_, Known::Good { vector: true, .. }, _) if !broken => None,
+                (Availability::Good { passes: a, .. }, _, Availability::Good { passes: b, .. }) if a != b => {
+                    Some(Unused::OtherPasses)
+                }
+                (_, Availability::Good { vector: true, .. }, _) if !broken => None,
                 _ => Some(Unused::BrokenChain),
             };
             broken |= unused.is_some();
             inner = outer;
-            window.push(Neighbour { offset: (direction * step) as i32, number, unused });
+            window.push(WindowFrame { offset: (direction * step) as i32, number, unused });
         }
     }
     window.sort_by_key(|n| n.offset);
@@ -104,10 +108,10 @@ pub fn check_window(window: usize) -> Result<usize> {
 mod tests {
     use super::*;
 
-    const GOOD: Known = Known::Good { columns: 8, rows: 4, vector: true, passes: 0 };
+    const GOOD: Availability = Availability::Good { columns: 8, rows: 4, vector: true, passes: 0 };
 
-    fn reasons(centre: i64, radius: usize, shot: &[Known]) -> Vec<(i32, Option<Unused>)> {
-        let known = |n: i64| usize::try_from(n).ok().and_then(|n| shot.get(n)).copied().unwrap_or(Known::Outside);
+    fn reasons(centre: i64, radius: usize, shot: &[Availability]) -> Vec<(i32, Option<Unused>)> {
+        let known = |n: i64| usize::try_from(n).ok().and_then(|n| shot.get(n)).copied().unwrap_or(Availability::Outside);
         neighbours(centre, radius, known).iter().map(|n| (n.offset, n.unused)).collect()
     }
 
@@ -121,7 +125,7 @@ mod tests {
 
     #[test]
     fn a_frame_behind_a_gap_or_a_bad_one_is_out_of_reach() {
-        for (state, reason) in [(Known::Missing, Unused::Missing), (Known::Bad, Unused::Bad)] {
+        for (state, reason) in [(Availability::Missing, Unused::Missing), (Availability::Bad, Unused::Bad)] {
             let shot = [GOOD, GOOD, state, GOOD, GOOD];
             assert_eq!(reasons(1, 2, &shot)[2..], [(1, Some(reason)), (2, Some(Unused::BrokenChain))]);
             assert_eq!(reasons(0, 3, &shot)[3..], [(1, None), (2, Some(reason)), (3, Some(Unused::BrokenChain))]);
@@ -130,9 +134,9 @@ mod tests {
 
     #[test]
     fn sizes_and_vectors_decide() {
-        let still = Known::Good { columns: 8, rows: 4, vector: false, passes: 0 };
-        let other = Known::Good { columns: 4, rows: 4, vector: true, passes: 0 };
-        let stereo = Known::Good { columns: 8, rows: 4, vector: true, passes: 1 };
+        let still = Availability::Good { columns: 8, rows: 4, vector: false, passes: 0 };
+        let other = Availability::Good { columns: 4, rows: 4, vector: true, passes: 0 };
+        let stereo = Availability::Good { columns: 8, rows: 4, vector: true, passes: 1 };
         assert_eq!(reasons(0, 1, &[GOOD, stereo])[1], (1, Some(Unused::OtherPasses)));
         assert_eq!(reasons(0, 1, &[still, GOOD])[1], (1, Some(Unused::NoVector)));
         assert_eq!(reasons(0, 2, &[GOOD, still, GOOD])[2..], [(1, None), (2, Some(Unused::BrokenChain))]);

@@ -10,7 +10,7 @@ use super::file_state::FileMemory;
 use super::frame_settings::{Change, FrameSettings};
 use super::manifest::{Entry, Manifest};
 use crate::io::sequence::Sequence;
-use crate::rules::window::Neighbour;
+use crate::rules::window::WindowFrame;
 
 /// What is not as it was when a frame was denoised.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -64,7 +64,7 @@ pub(super) struct Wanted<'a> {
     /// The settings, λ that of the frame.
     pub settings: &'a FrameSettings,
     /// The frames around it.
-    pub window: &'a [Neighbour],
+    pub window: &'a [WindowFrame],
 }
 
 /// Why the output that `entry` describes is not current; None where it is.

@@ -45,6 +45,6 @@ pub use run::{Runner, run};
 pub use scope::Scope;
 
 pub use crate::rules::checks::{Warning, WarningKind};
-pub use crate::rules::window::{Neighbour, Unused};
+pub use crate::rules::window::{Unused, WindowFrame};
 pub(crate) use source::has_vector;
 pub use survey::{RuleSummary, Survey, SurveyedFrame, Timing, Unread, survey};

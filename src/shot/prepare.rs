@@ -18,7 +18,7 @@ use crate::engine::Identity;
 use crate::error::{Error, Result};
 use crate::rules::checks::{self, Header, Warning, WarningKind};
 use crate::rules::frames::FrameSet;
-use crate::rules::window::{Known, Neighbour, Unused, neighbours};
+use crate::rules::window::{Availability, Unused, WindowFrame, neighbours};
 use crate::words::{self, counted};
 
 /// What is to be done with a frame.
@@ -49,7 +49,7 @@ pub struct PlannedFrame {
     pub action: Action,
     /// Its window, by what the headers say.
     #[serde(serialize_with = "used_numbers")]
-    pub neighbours: Vec<Neighbour>,
+    pub neighbours: Vec<WindowFrame>,
 }
 
 /// The plan of a run.
@@ -82,14 +82,14 @@ pub(super) struct Sources {
 
 impl Sources {
     /// What is known of a frame from its header.
-    pub fn known(&self, number: i64) -> Known {
+    pub fn known(&self, number: i64) -> Availability {
         if self.ends.is_none_or(|(first, last)| number < first || number > last) {
-            return Known::Outside;
+            return Availability::Outside;
         }
         match self.good.get(&number) {
             Some(source) => source.known(),
-            None if self.bad.contains_key(&number) => Known::Bad,
-            None => Known::Missing,
+            None if self.bad.contains_key(&number) => Availability::Bad,
+            None => Availability::Missing,
         }
     }
 }
@@ -185,17 +185,17 @@ impl Plan {
     }
 
     /// A window as the manifest tells it.
-    pub(super) fn neighbour_entries(&self, window: &[Neighbour]) -> Vec<NeighbourEntry> {
+    pub(super) fn neighbour_entries(&self, window: &[WindowFrame]) -> Vec<NeighbourEntry> {
         window.iter().map(|n| neighbour_entry(n, &self.sources)).collect()
     }
 }
 
-fn neighbour_entry(n: &Neighbour, sources: &Sources) -> NeighbourEntry {
+fn neighbour_entry(n: &WindowFrame, sources: &Sources) -> NeighbourEntry {
     let stamp = sources.stamps.get(&n.number).copied().flatten().map(FileState::from);
     NeighbourEntry { offset: n.offset, frame: n.number, used: n.unused.is_none(), reason: n.unused, stamp }
 }
 
-fn used_numbers<S: serde::Serializer>(window: &[Neighbour], to: S) -> Result<S::Ok, S::Error> {
+fn used_numbers<S: serde::Serializer>(window: &[WindowFrame], to: S) -> Result<S::Ok, S::Error> {
     to.collect_seq(window.iter().filter(|n| n.unused.is_none()).map(|n| n.number))
 }
 
@@ -324,7 +324,7 @@ fn plan_frames(
 }
 
 /// Why a frame that is there is better than the one that would take its place; only what was not asked for counts.
-fn why_worse(job: &Job, entry: &Entry, manifest: &Manifest, vectors: Option<&str>, window: &[Neighbour]) -> Option<String> {
+fn why_worse(job: &Job, entry: &Entry, manifest: &Manifest, vectors: Option<&str>, window: &[WindowFrame]) -> Option<String> {
     if job.settings.window.is_some() || !job.vectors() || !matches!(entry.status, Status::Denoised | Status::Skipped) {
         return None;
     }

@@ -20,7 +20,7 @@ use super::window_cache::{Slot, WindowCache};
 use crate::engine::{Denoised, EncodedFrame, Engine, Listener};
 use crate::error::{Error, Result};
 use crate::rules::skip::LeftOut;
-use crate::rules::window::{Known, Neighbour, neighbours};
+use crate::rules::window::{Availability, WindowFrame, neighbours};
 
 /// Frames of more bytes than this are decoded one ahead instead of two.
 const BIG_FRAME: usize = 128 << 20;
@@ -204,7 +204,7 @@ impl<'a> Run<'a> {
             };
             let began = Instant::now();
             let window = neighbours(target.frame, plan.settings.window, |n| match self.bad.contains_key(&n) {
-                true => Known::Bad,
+                true => Availability::Bad,
                 false => plan.sources.known(n),
             });
             let used = window.iter().filter(|n| n.unused.is_none());
@@ -267,7 +267,7 @@ impl<'a> Run<'a> {
     }
 
     /// Puts the window that a frame really had into the manifest.
-    fn note_window(&mut self, target: &PlannedFrame, window: &[Neighbour]) {
+    fn note_window(&mut self, target: &PlannedFrame, window: &[WindowFrame]) {
         let mut neighbours = self.plan.neighbour_entries(window);
         let content = |frame: i64| self.cache.ring.get(&frame).and_then(|slot| slot.content);
         for neighbour in &mut neighbours {

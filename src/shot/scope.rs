@@ -9,7 +9,7 @@ use crate::io::sequence::Sequence;
 use crate::io::{Layout, Resolved, Selection};
 use crate::rules::checks;
 use crate::rules::frames::FrameSet;
-use crate::rules::window::{DEFAULT_WINDOW, Known, check_window, neighbours};
+use crate::rules::window::{Availability, DEFAULT_WINDOW, check_window, neighbours};
 use crate::words;
 
 /// A shot whose headers were read.
@@ -86,9 +86,11 @@ impl Scope {
     pub fn around(&self, number: i64, window: usize) -> Vec<(i32, i64)> {
         let known = |n: i64| match self.good.get(&n) {
             Some(source) => source.known(),
-            None if self.bad.contains_key(&n) => Known::Bad,
-            None if self.numbers.first().is_none_or(|f| n < *f) || self.numbers.last().is_none_or(|l| n > *l) => Known::Outside,
-            None => Known::Missing,
+            None if self.bad.contains_key(&n) => Availability::Bad,
+            None if self.numbers.first().is_none_or(|f| n < *f) || self.numbers.last().is_none_or(|l| n > *l) => {
+                Availability::Outside
+            }
+            None => Availability::Missing,
         };
         neighbours(number, window, known).into_iter().filter(|n| n.unused.is_none()).map(|n| (n.offset, n.number)).collect()
     }

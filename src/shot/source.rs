@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::io::{Layout, Resolved, Selection, caveats, read_frame, read_layout, resolve_views};
 use crate::rules::checks::Header;
-use crate::rules::window::Known;
+use crate::rules::window::Availability;
 
 /// A readable file of the sequence.
 pub(super) struct Source {
@@ -62,9 +62,9 @@ impl Source {
     }
 
     /// For the window.
-    pub fn known(&self) -> Known {
+    pub fn known(&self) -> Availability {
         let Header { columns, rows, vector, .. } = self.header;
-        Known::Good { columns, rows, vector, passes: self.passes }
+        Availability::Good { columns, rows, vector, passes: self.passes }
     }
 
     /// Decodes the views.

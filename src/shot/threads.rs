@@ -9,7 +9,7 @@ use crate::engine::{Denoised, Engine};
 use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::io::{Resolved, WriteOptions, write_views};
-use crate::rules::checks::Glance;
+use crate::rules::pixel_checks::Glance;
 
 /// A frame on its way through the decoder.
 pub(super) struct Decoded {

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use super::file_state::{Content, Stamp};
 use super::prepare::{Action, Plan};
 use crate::engine::EncodedFrame;
-use crate::rules::checks::PixelChecks;
+use crate::rules::pixel_checks::PixelChecks;
 
 /// A frame of the sliding window.
 pub(super) struct Slot {

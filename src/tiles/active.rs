@@ -5,8 +5,8 @@ use crate::frame::ranges::{BLOCK, Range, Ranges};
 /// How far apart values may lie, relative to the least: half a step of float16 at its coarsest.
 const APART: f32 = 1.0 / 4096.0;
 
-/// A neighbour and the frames that lead to it.
-pub struct Way<'a> {
+/// The ranges of the frames from the centre to a neighbour.
+pub struct RangePath<'a> {
     /// Centre first, one step of motion each, the neighbour last.
     pub frames: Vec<&'a Ranges>,
     /// Whether it comes later than the centre.
@@ -69,7 +69,7 @@ impl Area {
 }
 
 /// The blocks of `centre` that need computing: `reach` is how far from a pixel its taps go, in pixels.
-pub fn active_blocks(centre: &Ranges, ways: &[Way], reach: usize) -> Blocks {
+pub fn active_blocks(centre: &Ranges, paths: &[RangePath], reach: usize) -> Blocks {
     let mut active = Vec::with_capacity(centre.rows * centre.columns);
     let mut joined = vec![Range::EMPTY; centre.channels];
     for row in 0..centre.rows {
@@ -77,14 +77,14 @@ pub fn active_blocks(centre: &Ranges, ways: &[Way], reach: usize) -> Blocks {
             let around = |block: usize| ((block * BLOCK) as f32 - reach as f32, ((block + 1) * BLOCK + reach) as f32 - 1.0);
             let area = Area { rows: around(row), columns: around(column) };
             joined.fill(Range::EMPTY);
-            active.push(!uniform(centre, ways, area, &mut joined));
+            active.push(!uniform(centre, paths, area, &mut joined));
         }
     }
     Blocks { rows: centre.rows, columns: centre.columns, active }
 }
 
 /// Whether all pixels that could be averaged from an area are alike.
-fn uniform(centre: &Ranges, ways: &[Way], area: Area, joined: &mut [Range]) -> bool {
+fn uniform(centre: &Ranges, paths: &[RangePath], area: Area, joined: &mut [Range]) -> bool {
     let mut alike = |ranges: &Ranges, area: Area| {
         area.blocks(ranges).all(|(row, column)| {
             joined.iter_mut().zip(ranges.block(row, column)).for_each(|(all, one)| all.join(*one));
@@ -94,10 +94,10 @@ fn uniform(centre: &Ranges, ways: &[Way], area: Area, joined: &mut [Range]) -> b
     if !alike(centre, area) {
         return false;
     }
-    ways.iter().all(|way| {
-        let steps = way.frames.iter().take(way.frames.len() - 1);
-        let place = steps.copied().try_fold(area, |area, frame| area.moved(frame, way.later));
-        match (place, way.frames.last()) {
+    paths.iter().all(|path| {
+        let steps = path.frames.iter().take(path.frames.len() - 1);
+        let place = steps.copied().try_fold(area, |area, frame| area.moved(frame, path.later));
+        match (place, path.frames.last()) {
             (Some(place), Some(last)) => alike(last, place),
             _ => true,
         }
