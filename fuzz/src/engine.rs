@@ -23,7 +23,7 @@ const NONE: Skip = Skip::NONE;
 /// Radiance is clamped to this (`frame/packed.rs`).
 const BRIGHTEST: f32 = 1e35;
 /// Sides of a frame, most of them small: the cost grows with the area.
-const SIDES: [usize; 16] = [1, 2, 3, 4, 5, 7, 8, 9, 11, 13, 15, 16, 17, 24, 33, 48];
+const SIDES: [usize; 16] = [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 15, 16, 17, 24, 41];
 /// Edges of what floats, Cycles and half-floats can say.
 const ODD: [f32; 24] = [
     f32::NAN,
@@ -99,8 +99,7 @@ impl Case {
         let encoded = self.frames.iter().map(|f| engine.encode_view(&f.view())).collect::<hush::Result<Vec<_>>>()?;
         let offsets = (0..encoded.len()).map(|i| (i as i32 - centre as i32, &encoded[i]));
         let neighbours: Vec<_> = offsets.filter(|(offset, _)| *offset != 0 && self.there >> (offset + 3) & 1 == 0).collect();
-        let (denoised, left_out) =
-            engine.denoise_with(&encoded[centre], &neighbours, self.lambda, (self.skip, self.levels))?;
+        let (denoised, left_out) = engine.denoise_with(&encoded[centre], &neighbours, self.lambda, (self.skip, self.levels))?;
         assert!((0.0..=1.0).contains(&left_out.constant), "{left_out:?}");
         assert_sane(&denoised, &self.frames[centre]);
         if self.flat_albedo {
