@@ -23,7 +23,7 @@ const NONE: Skip = Skip::NONE;
 /// Radiance is clamped to this (`frame/packed.rs`).
 const BRIGHTEST: f32 = 1e35;
 /// Sides of a frame, most of them small: the cost grows with the area.
-const SIDES: [usize; 16] = [1, 2, 3, 4, 5, 7, 8, 9, 11, 13, 15, 16, 17, 24, 33, 48];
+const SIDES: [usize; 16] = [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 15, 16, 17, 24, 41];
 /// Edges of what floats, Cycles and half-floats can say.
 const ODD: [f32; 24] = [
     f32::NAN,

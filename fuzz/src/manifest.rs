@@ -21,13 +21,14 @@ pub fn check(folder: &Path, bytes: &[u8]) -> hush::Result<()> {
     }
     let path = output.join(MANIFEST);
     put(&path, bytes);
+    let manifest = named(&path, Manifest::load(&output))?;
     let job = Job::new(Sequence::find(&[&shot])?, &output);
+    let checked = SequenceCheck::new().check(&job)?;
+    serde_json::to_string(&checked).expect("a check is JSON");
+    // It may refuse to make again what is there and was made better.
     if let Ok(plan) = Plan::new(&job) {
         serde_json::to_string(&plan).expect("a plan is JSON");
     }
-    let checked = named(&path, SequenceCheck::new().check(&job));
-    let manifest = named(&path, Manifest::load(&output))?;
-    serde_json::to_string(&checked?).expect("a check is JSON");
     let text = serde_json::to_string(&manifest).expect("a manifest is JSON");
     let again: Manifest = serde_json::from_str(&text).expect("and can be read again");
     assert_eq!(serde_json::to_string(&again).expect("a manifest is JSON"), text);

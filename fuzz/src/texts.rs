@@ -1,6 +1,6 @@
 //! Texts of the command line and of settings: frame numbers, λ with keys, a stage with a prim.
 
-use std::fmt::{Debug, Display};
+use std::fmt::Display;
 use std::path::Path;
 use std::str::FromStr;
 
@@ -31,8 +31,9 @@ pub fn check(_folder: &Path, bytes: &[u8]) -> Result<()> {
 }
 
 /// Reads a text; what is shown of it reads as the same.
-fn read_again<T: FromStr<Err = Error> + Display + Debug + PartialEq>(text: &str) -> Result<T> {
+fn read_again<T: FromStr<Err = Error> + Display>(text: &str) -> Result<T> {
     let value: T = text.parse()?;
-    assert_eq!(value.to_string().parse::<T>().expect("what is shown can be read"), value);
+    let shown = value.to_string();
+    assert_eq!(shown.parse::<T>().expect("what is shown can be read").to_string(), shown);
     Ok(value)
 }
