@@ -130,7 +130,7 @@ def test_every_name_of_the_python_module_is_in_the_docs() -> None:
 
 @pytest.mark.parametrize("page", OF_TODAY, ids=name_of)
 def test_files_that_are_named_exist(page: Path) -> None:
-    named = re.findall(r"`((?:src|tests|benches|training|python|blender_addon|farm|fuzz|samples|models|docs)/[\w./-]*)`", page.read_text())
+    named = re.findall(r"`((?:src|tests|benches|training|python|blender_addon|farm|fuzz|samples|models|docs|examples)/[\w./-]*)`", page.read_text())
     assert sorted({path for path in named if not (ROOT / path).exists()}) == []
 
 
