@@ -1,7 +1,9 @@
 //! Speed of the network's convolutions at 1080p, for each instruction set and number of threads.
 //!
-//! `cargo bench --bench convolution [-- FILTER]`; FILTER picks layers by name. The last column divides by the CPU time of all
-//! threads (Linux), which holds on a shared machine where wall time does not.
+//!     cargo bench --bench convolution [-- FILTER]
+//!
+//! Compares with the last run; FILTER picks layers by name. The time is that of all threads together (Linux), which holds on a shared
+//! machine where wall time does not.
 //!
 //! Predicted: a 3×3 layer does 9·co/4 FLOPs a byte of input and output (co = ci), 72 at 32 channels; a 1×1 layer 80→48 does
 //! 15. One core at 230 GFLOPS and 15 GB/s turns over at 15 FLOPs a byte, so every 3×3 layer is bound by the FMA units and
@@ -10,6 +12,7 @@
 
 use std::time::{Duration, Instant};
 
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use hush::engine::Isa;
 use hush::internals::{Activation, Conv, Epilogue, Winograd};
 use ndarray::{Array1, Array4};
@@ -26,18 +29,13 @@ const LAYERS: [(usize, usize, usize, usize, usize, usize); 8] = [
     (128, 48, 1, 1, 540, 960),
 ];
 
-/// The fastest of the runs that fit into this time: the machine may be shared.
-const BUDGET: Duration = Duration::from_millis(1000);
-const BATCH: Duration = Duration::from_millis(200);
+/// The clock of CPU time ticks in milliseconds: a tenth of this, one sample, is good to some percent.
+const TIME: Duration = Duration::from_secs(2);
+const WARM_UP: Duration = Duration::from_millis(300);
 
-fn main() {
-    let filter = std::env::args().skip(1).find(|word| !word.starts_with('-')).unwrap_or_default();
-    println!("{:<22} {:>8} {:>8} {:>9} {:>9} {:>9}", "layer", "isa", "threads", "ms", "GFLOPS", "a core");
+fn convolutions(criterion: &mut Criterion) {
     for (inputs, outputs, kernel, stride, rows, columns) in LAYERS {
         let name = format!("{kernel}x{kernel}/{stride} {inputs}-{outputs} {rows}x{columns}");
-        if !name.contains(&filter) {
-            continue;
-        }
         let weight = Array4::from_shape_fn((outputs, inputs, kernel, kernel), |(a, b, c, d)| {
             ((a * 7 + b * 5 + c * 3 + d) % 11) as f32 * 0.01 - 0.05
         });
@@ -48,60 +46,46 @@ fn main() {
         let (out_rows, out_columns) = conv.output_size(rows, columns);
         let flops = 2.0 * (out_rows * out_columns * outputs * inputs * kernel * kernel) as f64;
         let epilogue = Epilogue { relu_input: kernel == 3, ..Epilogue::default() };
-        measure(&name, flops, |isa, output| conv.run(isa, &input, output, epilogue));
+        measure(criterion, &name, flops, |isa, output| conv.run(isa, &input, output, epilogue));
         if kernel == 3 && stride == 1 && inputs == outputs {
             let winograd = Winograd::new(weight.view(), bias.view());
-            measure(&format!("winograd {inputs} {rows}x{columns}"), flops, |isa, output| {
+            measure(criterion, &format!("winograd {inputs} {rows}x{columns}"), flops, |isa, output| {
                 winograd.run(isa, &input, output, epilogue)
             });
         }
     }
 }
 
-/// Prints a line for each instruction set and number of threads; GFLOPS count the products of the plain sum.
-fn measure(name: &str, flops: f64, run: impl Fn(Isa, &mut Activation) + Sync) {
+/// Measures each instruction set and number of threads. What counts is the time of all threads together, so that elements a second are
+/// the floating-point operations of a core, those of the plain sum.
+fn measure(criterion: &mut Criterion, name: &str, flops: f64, run: impl Fn(Isa, &mut Activation) + Sync) {
+    let mut group = criterion.benchmark_group(name);
+    group.throughput(Throughput::Elements(flops as u64)).sample_size(10).warm_up_time(WARM_UP).measurement_time(TIME);
     let mut output = Activation::empty();
     for isa in Isa::available().into_iter().rev() {
         for threads in 1..=std::thread::available_parallelism().map_or(1, usize::from).min(2) {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a thread pool");
-            let best = fastest(&pool, || run(isa, &mut output));
-            let core = best.cpu.map_or("-".into(), |cpu| format!("{:.1}", flops / cpu / 1e9));
-            let (ms, giga) = (best.wall * 1e3, flops / best.wall / 1e9);
-            println!("{name:<22} {:>8} {threads:>8} {ms:>9.2} {giga:>9.1} {core:>9}", isa.name());
+            group.bench_function(format!("{}, threads {threads}", isa.name()), |bencher| {
+                bencher.iter_custom(|iterations| {
+                    let (start, before) = (Instant::now(), cpu_time(&pool));
+                    (0..iterations).for_each(|_| pool.install(|| run(isa, &mut output)));
+                    // Where the system does not tell, wall time of each thread.
+                    cpu_time(&pool).zip(before).map_or(start.elapsed() * threads as u32, |(after, before)| after - before)
+                });
+            });
         }
     }
-}
-
-/// Seconds of one run at best.
-struct Best {
-    wall: f64,
-    cpu: Option<f64>,
-}
-
-fn fastest(pool: &rayon::ThreadPool, mut run: impl FnMut() + Send) -> Best {
-    pool.install(&mut run);
-    let start = Instant::now();
-    let mut best = Best { wall: f64::INFINITY, cpu: cpu_seconds(pool).map(|_| f64::INFINITY) };
-    while start.elapsed() < BUDGET {
-        // Enough runs that the clock of CPU time, which ticks in milliseconds, is good to some percent.
-        let (batch, before, mut runs) = (Instant::now(), cpu_seconds(pool), 0);
-        while runs == 0 || batch.elapsed() < BATCH {
-            let one = Instant::now();
-            pool.install(&mut run);
-            best.wall = best.wall.min(one.elapsed().as_secs_f64());
-            runs += 1;
-        }
-        let used = cpu_seconds(pool).zip(before).map(|(after, before)| (after - before) / f64::from(runs));
-        best.cpu = best.cpu.zip(used).map(|(best, used)| best.min(used));
-    }
-    best
+    group.finish();
 }
 
 /// CPU time that the pool's threads have used so far; None where the system does not tell.
-fn cpu_seconds(pool: &rayon::ThreadPool) -> Option<f64> {
+fn cpu_time(pool: &rayon::ThreadPool) -> Option<Duration> {
     let times = pool.broadcast(|_| {
         let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
-        text.split_whitespace().next()?.parse::<f64>().ok()
+        text.split_whitespace().next()?.parse::<u64>().ok()
     });
-    times.into_iter().sum::<Option<f64>>().map(|ns| ns * 1e-9)
+    times.into_iter().sum::<Option<u64>>().map(Duration::from_nanos)
 }
+
+criterion_group!(benches, convolutions);
+criterion_main!(benches);

@@ -1,11 +1,15 @@
 //! A 1080p frame with a ±2 window, steady state: one encode and one denoise a frame, no files.
 //!
-//!     cargo bench --bench denoise -- [columns rows [window [frames]]] [weights.safetensors]
+//!     cargo bench --bench denoise [-- --save-baseline NAME | --baseline NAME]
 //!
+//! Compares with the last run, or with the one that has that name. `HUSH_BENCH_COLUMNS`, `HUSH_BENCH_ROWS`, `HUSH_BENCH_WINDOW` and
+//! `HUSH_BENCH_MODEL` (a weights file) change what is measured. Beside OIDN: `python benches/beside_oidn.py`.
 //! Predicted and measured numbers stand in benches/NOTES.md.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
+use criterion::{Criterion, SamplingMode, criterion_group, criterion_main};
+use hush::engine::STAGES;
 use hush::{Engine, Frame, Settings};
 use ndarray::{Array2, Array3};
 
@@ -32,45 +36,50 @@ fn cpu_seconds() -> f64 {
     after_name.split_whitespace().skip(11).take(2).filter_map(|t| t.parse::<f64>().ok()).sum::<f64>() / 100.0
 }
 
-fn main() {
-    let mut args = std::env::args().skip(1).filter_map(|a| a.parse::<usize>().ok());
-    let mut next = |default| args.next().unwrap_or(default);
-    let (columns, rows, window, frames) = (next(1920), next(1080), next(2), next(3));
-    let weights = std::env::args().skip(1).find(|a| a.ends_with(".safetensors"));
+/// A number from the environment.
+fn setting(name: &str, default: usize) -> usize {
+    std::env::var(name).map_or(default, |text| text.parse().unwrap_or_else(|_| panic!("{name}={text} is no number")))
+}
+
+fn denoise(criterion: &mut Criterion) {
+    let (columns, rows) = (setting("HUSH_BENCH_COLUMNS", 1920), setting("HUSH_BENCH_ROWS", 1080));
+    let window = setting("HUSH_BENCH_WINDOW", 2);
     let settings = Settings::default();
-    let engine = weights.map_or_else(|| Engine::new(settings.clone()), |path| Engine::from_file(path.as_ref(), settings.clone()));
+    let engine = match std::env::var_os("HUSH_BENCH_MODEL") {
+        Some(path) => Engine::from_file(path.as_ref(), settings),
+        None => Engine::new(settings),
+    };
     let engine = engine.expect("the model loads");
     let encoded: Vec<_> = (0..2 * window + 1).map(|t| engine.encode(frame(rows, columns, t)).expect("encodes")).collect();
     let neighbours: Vec<_> =
         (0..encoded.len()).filter(|t| *t != window).map(|t| (t as i32 - window as i32, &encoded[t])).collect();
-    let mut times = Vec::new();
-    for t in 0..frames + 1 {
-        let frame = frame(rows, columns, t);
-        let (start, cpu) = (Instant::now(), cpu_seconds());
-        let _new = engine.encode(frame).expect("encodes");
-        let encoded_at = start.elapsed();
-        let denoised = engine.denoise(&encoded[window], &neighbours, 1.0).expect("denoises");
-        let (total, cpu) = (start.elapsed(), cpu_seconds() - cpu);
-        assert!(denoised.colour.iter().all(|v| v.is_finite()));
-        if t > 0 {
-            times.push((total.as_secs_f64(), encoded_at.as_secs_f64(), cpu));
-        }
+    let (mut count, mut cpu) = (0, 0.0);
+    let mut group = criterion.benchmark_group("denoise");
+    group.sampling_mode(SamplingMode::Flat).sample_size(10).warm_up_time(Duration::from_secs(1));
+    group.bench_function(format!("{columns}x{rows} window {window}"), |bencher| {
+        bencher.iter_custom(|iterations| {
+            let mut total = Duration::ZERO;
+            for t in 0..iterations {
+                let frame = frame(rows, columns, t as usize);
+                let (start, cpu_before) = (Instant::now(), cpu_seconds());
+                let _new = engine.encode(frame).expect("encodes");
+                let denoised = engine.denoise(&encoded[window], &neighbours, 1.0).expect("denoises");
+                total += start.elapsed();
+                (count, cpu) = (count + 1, cpu + cpu_seconds() - cpu_before);
+                assert!(denoised.colour.iter().all(|v| v.is_finite()));
+            }
+            total
+        });
+    });
+    group.finish();
+    if count > 0 {
+        let held: usize = encoded.iter().map(|e| e.bytes()).sum();
+        let mean = |seconds: f64| seconds * 1e3 / f64::from(count);
+        let each = STAGES.iter().zip(engine.stage_seconds()).map(|(stage, s)| format!("{} {:.0}", stage.name(), mean(s)));
+        let each = each.collect::<Vec<_>>().join(", ");
+        println!("a frame, ms: processor time {:.0}; {each}; the window holds {} MiB", mean(cpu), held >> 20);
     }
-    times.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let (total, encode, cpu) = times[times.len() / 2];
-    let held: usize = encoded.iter().map(|e| e.bytes()).sum();
-    println!(
-        "{columns}x{rows} window {window} threads {}: {:.0} ms/frame, of which encode {:.0} ms, processor time {:.0} ms; window holds {} MiB",
-        rayon::current_num_threads(),
-        total * 1e3,
-        encode * 1e3,
-        cpu * 1e3,
-        held >> 20
-    );
-    let seconds = engine.stage_seconds();
-    let each = hush::engine::STAGES
-        .iter()
-        .zip(seconds)
-        .map(|(stage, s)| format!("{} {:.0}", stage.name(), s * 1e3 / (frames + 1) as f64));
-    println!("ms a frame: {}", each.collect::<Vec<_>>().join(", "));
 }
+
+criterion_group!(benches, denoise);
+criterion_main!(benches);

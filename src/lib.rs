@@ -1,9 +1,38 @@
 //! Hush takes the noise out of Blender Cycles animations without flicker.
 //!
 //! A temporal, multi-scale, kernel-predicting denoiser after Vogels et al. 2018, "Denoising with Kernel Prediction and
-//! Asymmetric Loss Functions". Data flows one way: [`io`] → [`frame`] → [`tiles`] → [`network`] → [`kernels`] → [`io`];
-//! [`engine`] runs that chain over a window of frames in memory, [`shot`] over the files of a shot,
-//! [`watch`] over a folder that is still being filled; [`report`] measures it.
+//! Asymmetric Loss Functions". This is the crate behind the program `hush`, the Python module and the Blender extension.
+//!
+//! ```
+//! use hush::{Engine, Frame, Settings};
+//! use ndarray::Array3;
+//!
+//! // (rows, columns, channels) of linear light.
+//! let noisy = Array3::from_shape_fn((32, 48, 3), |(y, x, c)| ((y * 7 + x * 5 + c) % 9) as f32 * 0.1);
+//! let engine = Engine::new(Settings::default())?;
+//! let frame = engine.encode(Frame::new(noisy))?;
+//! // Alone, with λ = 1: as clean as can be.
+//! let denoised = engine.denoise(&frame, &[], 1.0)?;
+//! assert_eq!(denoised.colour.dim(), (32, 48, 3));
+//! # Ok::<(), hush::Error>(())
+//! ```
+//!
+//! # A tour
+//!
+//! 1. [`Frame`] is what a renderer makes: a beauty, and what it knows of it. All else is about frames.
+//! 2. [`Engine`] denoises frames in memory: [`encode`](Engine::encode) each once, then [`denoise`](Engine::denoise) it with those
+//!    around it. Its [`Settings`] say how, such as with how much memory.
+//! 3. [`io`] reads frames from multilayer EXR files and writes them back with only the denoised passes changed;
+//!    [`io::sequence`] finds the files of a shot.
+//! 4. [`shot`] does both for all files of a shot: a [`Job`](shot::Job) says what is to be done, [`run`](shot::run()) does it and
+//!    tells how far it is. What is there already is left as it is.
+//! 5. [`settings`] are those of a shot, from `hush.toml`, a USD stage or the caller, and become a job.
+//! 6. [`watch`] does with a folder that is still being rendered into what `shot` does with a finished one; [`preview`] shows a
+//!    part of one frame with several settings.
+//! 7. [`enum@Error`] is the one type of error: it names the file or the setting, and says what to do.
+//!
+//! Data flows one way: `io` → `frame` → `tiles` → `network` → `kernels` → `io`; [`engine`] runs that chain over a window of frames.
+//! Programs to begin with stand in the folder `examples`.
 
 #[doc(hidden)]
 pub mod cli;

@@ -11,6 +11,16 @@ impl Engine {
     /// Sanitises a frame and computes its features (source encoder). Done once a frame.
     ///
     /// Errors where passes differ in size or the frame is empty.
+    ///
+    /// ```
+    /// # use hush::{Engine, Error, Frame, Settings};
+    /// # use ndarray::Array3;
+    /// # let engine = Engine::new(Settings::default())?;
+    /// let mut frame = Frame::new(Array3::zeros((8, 8, 3)));
+    /// frame.albedo = Some(Array3::zeros((8, 9, 3)));
+    /// assert!(matches!(engine.encode(frame), Err(Error::SizeMismatch { .. })));
+    /// # Ok::<(), Error>(())
+    /// ```
     pub fn encode(&self, frame: Frame) -> Result<EncodedFrame> {
         self.clock.time(Stage::Encode, || {
             let packed = self.pack(&frame.view(), None)?;

@@ -69,6 +69,27 @@ impl EncodedFrame {
 }
 
 /// The network with its weights, ready to run. Shared between threads.
+///
+/// A frame that helps its neighbours is encoded once and used for each of them:
+///
+/// ```
+/// use hush::{Engine, Frame, Settings};
+/// use ndarray::Array3;
+///
+/// let engine = Engine::new(Settings::default())?;
+/// let encoded = (0..3).map(|time| {
+///     let mut frame = Frame::new(Array3::from_shape_fn((24, 40, 3), |(y, x, c)| ((y * 7 + x * 5 + c + time) % 9) as f32 * 0.1));
+///     // Nothing moves. Without a Vector pass neighbours cannot help.
+///     frame.vector = Some(Array3::zeros((24, 40, 4)));
+///     engine.encode(frame)
+/// });
+/// let encoded = encoded.collect::<hush::Result<Vec<_>>>()?;
+/// let neighbours = [(-1, &encoded[0]), (1, &encoded[2])];
+/// let together = engine.denoise(&encoded[1], &neighbours, 1.0)?;
+/// let alone = engine.denoise(&encoded[1], &[], 1.0)?;
+/// assert_ne!(together.colour, alone.colour);
+/// # Ok::<(), hush::Error>(())
+/// ```
 pub struct Engine {
     settings: Settings,
     identity: Identity,
@@ -88,6 +109,16 @@ pub struct Engine {
 
 impl Engine {
     /// An engine with the embedded weights.
+    ///
+    /// ```
+    /// use hush::{Engine, Error, Settings};
+    ///
+    /// let engine = Engine::new(Settings { threads: Some(1), ..Settings::default() })?;
+    /// assert_eq!(engine.threads(), 1);
+    /// let wrong = Engine::new(Settings { levels: 9, ..Settings::default() });
+    /// assert!(matches!(wrong, Err(Error::BadSetting { name: "levels", .. })));
+    /// # Ok::<(), Error>(())
+    /// ```
     pub fn new(settings: Settings) -> Result<Self> {
         Self::from_weights(&Weights::embedded()?, settings)
     }
@@ -154,6 +185,16 @@ impl Engine {
     /// `neighbours` are (offset, frame) with offset −3…3 except 0, in any order; a neighbour farther than one frame needs those
     /// between, to chain motion vectors through, and is left out without them, as is one of another size or with other AOVs.
     /// `lambda` is in 1…64: greater is clamped, less or NaN refused. Frames encoded for a network of another width are refused.
+    ///
+    /// ```
+    /// # use hush::{Engine, Error, Frame, Settings};
+    /// # use ndarray::Array3;
+    /// # let engine = Engine::new(Settings::default())?;
+    /// let frame = engine.encode(Frame::new(Array3::from_elem((8, 8, 3), 0.5)))?;
+    /// assert!(engine.denoise(&frame, &[], 1000.0).is_ok());
+    /// assert!(matches!(engine.denoise(&frame, &[], 0.5), Err(Error::BadSetting { name: "lambda", .. })));
+    /// # Ok::<(), Error>(())
+    /// ```
     pub fn denoise(&self, centre: &EncodedFrame, neighbours: &[(i32, &EncodedFrame)], lambda: f32) -> Result<Denoised> {
         self.denoise_and_tell(centre, neighbours, lambda).map(|(denoised, _)| denoised)
     }
