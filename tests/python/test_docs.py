@@ -15,6 +15,7 @@ PAGES = sorted(p for p in ROOT.rglob("*.md") if not BUILT.search(str(p.relative_
 # Commands of days gone by are told in the changelog, and measurements of then in the notes.
 OF_TODAY = [p for p in PAGES if p.name not in {"CHANGELOG.md", "NOTES.md", "RESULTS.md", "STABILITY.md"}]
 
+FOLDERS = "benches|blender_addon|docs|examples|farm|fuzz|models|python|samples|src|tests|training"
 FENCE = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
@@ -130,7 +131,7 @@ def test_every_name_of_the_python_module_is_in_the_docs() -> None:
 
 @pytest.mark.parametrize("page", OF_TODAY, ids=name_of)
 def test_files_that_are_named_exist(page: Path) -> None:
-    named = re.findall(r"`((?:src|tests|benches|training|python|blender_addon|farm|fuzz|samples|models|docs)/[\w./-]*)`", page.read_text())
+    named = re.findall(rf"`((?:{FOLDERS})/[\w./-]*)`", page.read_text())
     assert sorted({path for path in named if not (ROOT / path).exists()}) == []
 
 
