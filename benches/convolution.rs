@@ -10,7 +10,8 @@
 
 use std::time::{Duration, Instant};
 
-use hush::simd::{Activation, Conv, Epilogue, Isa, Winograd};
+use hush::layers::{Activation, Conv, Epilogue, Winograd};
+use hush::simd::Isa;
 use ndarray::{Array1, Array4};
 
 /// Channels in and out, kernel size, stride, and the input's rows and columns.

@@ -11,6 +11,8 @@ pub mod error;
 pub mod frame;
 pub mod io;
 pub mod kernels;
+pub mod layers;
+pub mod memory;
 pub mod metrics;
 pub mod network;
 pub mod picture;

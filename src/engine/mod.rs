@@ -17,6 +17,8 @@ pub use crate::frame::packed::Scales;
 use crate::frame::ranges::Ranges;
 use crate::kernels::Channels;
 use crate::kernels::planes::Planes;
+use crate::layers::Activation;
+use crate::memory::BufferPool;
 use crate::network::body::Body;
 use crate::network::encoder::Encoder;
 use crate::network::features::Features;
@@ -29,7 +31,7 @@ use crate::network::warp::{EXTRAS, Warped, any_trusted, centre_planes, warp};
 use crate::network::weights::Weights;
 use crate::rules::skip::{LeftOut, Skip};
 use crate::rules::window::LAMBDA_RANGE;
-use crate::simd::{Activation, Isa, keep_at_most};
+use crate::simd::Isa;
 use crate::tiles::active::{Way, active_blocks};
 use crate::tiles::cover::cover;
 use crate::tiles::{Rect, Tile, tiles};
@@ -83,6 +85,7 @@ pub struct Engine {
     settings: Settings,
     isa: Isa,
     pool: Option<rayon::ThreadPool>,
+    buffers: BufferPool,
     encoder: Encoder,
     temporal: Temporal,
     body: Body,
@@ -115,6 +118,7 @@ impl Engine {
         let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(bad_threads);
         Ok(Self {
             pool: settings.threads.map(pool).transpose()?,
+            buffers: BufferPool::default(),
             isa: settings.isa.unwrap_or_else(Isa::detect),
             settings,
             encoder: Encoder::new(weights)?,
@@ -143,6 +147,11 @@ impl Engine {
     /// Seconds spent in each stage since the engine was made, in the order of [`STAGES`].
     pub fn stage_seconds(&self) -> [f64; STAGES.len()] {
         self.clock.seconds()
+    }
+
+    /// Gives the memory that is kept for the next frame back to the system.
+    pub fn release_memory(&self) {
+        self.buffers.release();
     }
 
     /// Does some work with the threads that the settings allow.
@@ -281,7 +290,7 @@ impl Engine {
         let (half_rows, half_columns) = (packed.padded_rows / 2, packed.padded_columns / 2);
         let (tiles, tile) = self.tiles(plan);
         // Tiles of several sizes leave buffers behind that fit nothing; a single one is the same size frame after frame.
-        keep_at_most(if tiles.len() == 1 { TILE_MEMORY.1 as usize } else { tile / 4 });
+        self.buffers.keep_at_most(if tiles.len() == 1 { TILE_MEMORY.1 as usize } else { tile / 4 });
         let covered = tiles.iter().map(|t| t.core.area()).sum::<usize>() == half_rows * half_columns;
         if let ([whole], true) = (&tiles[..], covered) {
             let stages = self.tile(plan, *whole, lambda, Steps { listener, ..UNHEARD });
@@ -346,7 +355,7 @@ impl Engine {
             let frames: Vec<&PackedFrame> = path.frames.iter().map(|f| &f.packed).collect();
             let still = skip.still && path.is_still();
             let offset = (path.offset, still);
-            let warped = self.clock.time(Stage::Warp, || warp(self.isa, &frames, offset, region, &channels, margins.full));
+            let warped = self.clock.time(Stage::Warp, || warp(self.isa, &frames, offset, region, &channels, margins.full, &self.buffers));
             steps.reached(Mark::WARPED.part(index + 1, plan.paths.len()));
             (path, warped)
         });
@@ -357,18 +366,17 @@ impl Engine {
         });
         let (paths, (images, warped)): (Vec<&Path>, (Vec<Planes>, Vec<Warped>)) = seen.unzip();
         let pyramid = self.clock.time(Stage::Coarse, || {
-            let own = centre_planes(self.isa, &centre.packed, region, &channels, margins.full);
+            let own = centre_planes(self.isa, &centre.packed, region, &channels, margins.full, &self.buffers);
             let full = Level { centre: own, neighbours: images };
             pyramid_of(self.isa, full, &channels, margins, (plan.levels.min(self.levels), centre.packed.exposure))
         });
         steps.reached(Mark::PYRAMID);
         let neighbours: Vec<Neighbour> =
             paths.iter().zip(&warped).map(|(path, warped)| Neighbour { features: &path.neighbour().features, warped }).collect();
-        let mut mixed = Activation::empty();
-        let gathered = self.clock.time(Stage::Temporal, || {
-            let quarter = self.temporal.run(self.isa, &centre.features, &neighbours, region, &mut mixed);
+        let (mixed, gathered) = self.clock.time(Stage::Temporal, || {
+            let (mixed, quarter) = self.temporal.run(self.isa, &centre.features, &neighbours, region, &self.buffers);
             let eighth = quarter.halved();
-            [quarter, eighth]
+            (mixed, [quarter, eighth])
         });
         steps.reached(Mark::TEMPORAL);
         let features = self.clock.time(Stage::Body, || self.body.run(self.isa, mixed, lambda));

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::renderers;
 use crate::error::{Error, Result};
-use crate::simd::{Conv, Winograd};
+use crate::layers::{Conv, Winograd};
 
 /// The weights file that this build carries.
 pub const EMBEDDED: &[u8] = include_bytes!("../../models/hush.safetensors");
