@@ -50,7 +50,11 @@ impl Engine {
     /// As [`encode`](Self::encode) without the features: enough for [`left_out`](Self::left_out); it cannot be denoised or help.
     pub fn look(&self, frame: &Frame) -> Result<EncodedFrame> {
         let packed = self.pack(&frame.view(), None)?;
-        Ok(EncodedFrame { ranges: self.in_pool(|| Ranges::new(&packed)), packed, features: Features::new(0, 0, 0, &self.buffers) })
+        Ok(EncodedFrame {
+            ranges: self.in_pool(|| Ranges::new(&packed)),
+            packed,
+            features: Features::new(0, 0, 0, &self.buffers),
+        })
     }
 
     fn pack(&self, frame: &FrameView, scales: Option<Scales>) -> Result<PackedFrame> {

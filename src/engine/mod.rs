@@ -355,7 +355,8 @@ impl Engine {
             let frames: Vec<&PackedFrame> = path.frames.iter().map(|f| &f.packed).collect();
             let still = skip.still && path.is_still();
             let offset = (path.offset, still);
-            let warped = self.clock.time(Stage::Warp, || warp(self.isa, &frames, offset, region, &channels, margins.full, &self.buffers));
+            let warped =
+                self.clock.time(Stage::Warp, || warp(self.isa, &frames, offset, region, &channels, margins.full, &self.buffers));
             steps.reached(Mark::WARPED.part(index + 1, plan.paths.len()));
             (path, warped)
         });

@@ -16,7 +16,7 @@ mod winograd;
 mod winograd_transform;
 
 #[cfg(test)]
-mod tests;
+mod conformance;
 
 pub use activation::Activation;
 pub use conv::Conv;

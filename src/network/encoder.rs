@@ -8,10 +8,10 @@ use super::weights::Weights;
 use crate::error::Result;
 use crate::frame::packed::{COLOUR, DEPTH, Guides, PackedFrame, bounded};
 use crate::kernels::keys::BRIGHTEST;
-use crate::memory::BufferPool;
-use crate::simd::math::ln_1p_all;
 use crate::layers::{Activation, Conv, Epilogue, Winograd};
+use crate::memory::BufferPool;
 use crate::simd::Isa;
+use crate::simd::math::ln_1p_all;
 
 /// Channels at full resolution: log colour 3, albedo 3, normal 3, log depth 1.
 const INPUTS: usize = 10;

@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 
 use super::warp::EXTRAS;
-use crate::memory::{Buffer, BufferPool};
 use crate::layers::SEGMENT;
+use crate::memory::{Buffer, BufferPool};
 
 /// [row][segment of 32 columns][neighbour][feature or extra][32] at one resolution. Pixels past a row's end mean nothing.
 pub struct Gathered {

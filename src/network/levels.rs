@@ -9,10 +9,10 @@ use super::predictor::{Head, Predictor};
 use crate::kernels::planes::Planes;
 use crate::kernels::weigh::{Taps, Weights, apply, offsets};
 use crate::kernels::{Channels, FULL_PHASES, pyramid};
-use crate::layers::SEGMENT;
-use crate::simd::{Simd, dispatch};
 use crate::layers::Activation;
+use crate::layers::SEGMENT;
 use crate::simd::Isa;
+use crate::simd::{Simd, dispatch};
 use crate::tiles::Tile;
 
 /// One pyramid level's images: the centre's and each neighbour's.

@@ -2,10 +2,10 @@
 
 use super::pairs::Pairs;
 use super::predictor::Head;
-use crate::layers::SEGMENT;
-use crate::simd::{Simd, dispatch};
 use crate::layers::Activation;
+use crate::layers::SEGMENT;
 use crate::simd::Isa;
+use crate::simd::{Simd, dispatch};
 
 /// One pyramid level's logits, [output][row][column] of the head's resolution.
 pub(crate) struct RegionLogits {

@@ -10,11 +10,11 @@ use super::pairs::{Neighbour, features_of, gather};
 use super::warp::EXTRAS;
 use super::weights::Weights;
 use crate::error::Result;
-use crate::layers::{Dense, SEGMENT};
-use crate::simd::{Simd, dispatch};
 use crate::layers::Activation;
+use crate::layers::{Dense, SEGMENT};
 use crate::memory::BufferPool;
 use crate::simd::Isa;
+use crate::simd::{Simd, dispatch};
 use crate::tiles::Rect;
 
 /// Three 1×1 layers.

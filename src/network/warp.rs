@@ -6,11 +6,11 @@ use crate::frame::packed::{DEPTH, INVALID, MODULATION, PackedFrame};
 use crate::kernels::keys;
 use crate::kernels::planes::Planes;
 use crate::kernels::{Channels, FULL_PHASES};
-use crate::simd::math::ln_1p_each;
-use crate::simd::{Simd, dispatch};
 use crate::layers::Activation;
 use crate::memory::BufferPool;
 use crate::simd::Isa;
+use crate::simd::math::ln_1p_each;
+use crate::simd::{Simd, dispatch};
 use crate::tiles::Rect;
 
 /// A way back that misses its start by this many pixels is as bad as any.
@@ -258,7 +258,14 @@ dispatch! {
 }
 
 /// The centre frame's own planes over a region, in the layout of [`warp`]'s planes and memory from `pool`.
-pub fn centre_planes(isa: Isa, frame: &PackedFrame, region: Rect, channels: &Channels, margin: usize, pool: &BufferPool) -> Planes {
+pub fn centre_planes(
+    isa: Isa,
+    frame: &PackedFrame,
+    region: Rect,
+    channels: &Channels,
+    margin: usize,
+    pool: &BufferPool,
+) -> Planes {
     let mut planes = Planes::new(channels.full() * FULL_PHASES, region.rows, region.columns, margin, pool);
     planes.rows_mut().enumerate().for_each(|(y, mut row)| {
         for x in (0..region.columns).step_by(BLOCK) {

@@ -139,4 +139,3 @@ impl Simd for Avx512 {
         out
     }
 }
-

@@ -29,7 +29,7 @@ mod avx2;
 mod avx512;
 
 #[cfg(test)]
-mod conformance;
+pub(crate) mod conformance;
 
 pub use element::Element;
 pub use isa::Isa;

@@ -82,10 +82,23 @@ fn refusal(folder: &Path, error: &notify::Error) -> String {
     let full = "the limit of watched folders is reached (sysctl fs.inotify.max_user_watches, fs.inotify.max_user_instances)";
     let reason = match &error.kind {
         notify::ErrorKind::MaxFilesWatch => full.to_string(),
-        notify::ErrorKind::Io(e) if matches!(e.raw_os_error(), Some(libc::EMFILE | libc::ENOSPC)) => full.to_string(),
+        notify::ErrorKind::Io(e) if is_limit(e) => full.to_string(),
         _ => error.to_string(),
     };
     format!("{}: {reason}: the folder is scanned every few seconds instead", folder.display())
+}
+
+/// Whether the system has no more watches to give.
+#[cfg(unix)]
+fn is_limit(error: &std::io::Error) -> bool {
+    use rustix::io::Errno;
+    matches!(Errno::from_io_error(error), Some(Errno::MFILE | Errno::NOSPC))
+}
+
+/// Whether the system has no more watches to give: others than Unix say so in no number.
+#[cfg(not(unix))]
+fn is_limit(_: &std::io::Error) -> bool {
+    false
 }
 
 fn take(shared: &Shared, result: DebounceEventResult) {
@@ -126,14 +139,8 @@ impl Hints {
 /// Whether a folder lies on a network file system, which tells nothing about what other machines do.
 #[cfg(target_os = "linux")]
 pub(super) fn is_remote(folder: &Path) -> bool {
-    use std::os::unix::ffi::OsStrExt;
     const REMOTE: [u64; 7] = [0x6969, 0x517b, 0xff53_4d42, 0xfe53_4d42, 0x6573_5546, 0x7375_7245, 0x0102_1997];
-    let Ok(path) = std::ffi::CString::new(folder.as_os_str().as_bytes()) else { return false };
-    // SAFETY: `path` ends with a zero byte and `about` has room for what is written.
-    unsafe {
-        let mut about: libc::statfs = std::mem::zeroed();
-        libc::statfs(path.as_ptr(), &mut about) == 0 && REMOTE.contains(&(about.f_type as u64 & 0xffff_ffff))
-    }
+    rustix::fs::statfs(folder).is_ok_and(|about| REMOTE.contains(&(about.f_type as u64 & 0xffff_ffff)))
 }
 
 /// Whether a folder lies on a network file system; not known on this system.
@@ -169,7 +176,10 @@ mod tests {
     #[test]
     fn a_refusal_tells_what_is_done_instead() {
         let full = notify::Error::new(notify::ErrorKind::MaxFilesWatch);
-        let io = notify::Error::io(std::io::Error::from_raw_os_error(libc::EMFILE));
+        #[cfg(unix)]
+        let io = notify::Error::io(rustix::io::Errno::MFILE.into());
+        #[cfg(not(unix))]
+        let io = notify::Error::new(notify::ErrorKind::MaxFilesWatch);
         for error in [full, io] {
             let text = refusal(Path::new("/shot"), &error);
             assert!(text.contains("/shot") && text.contains("max_user_watches") && text.contains("scanned"), "{text}");

@@ -15,14 +15,14 @@ pub(super) fn host() -> (String, String) {
 /// Whether a process of this machine is certainly not there.
 #[cfg(target_os = "linux")]
 pub(super) fn is_gone(pid: u32) -> bool {
-    // SAFETY: signal 0 is only a question.
-    let there = i32::try_from(pid).is_ok_and(|pid| unsafe { libc::kill(pid, 0) } == 0);
-    if there {
+    let Some(process) = i32::try_from(pid).ok().and_then(rustix::process::Pid::from_raw) else { return false };
+    let answer = rustix::process::test_kill_process(process);
+    if answer.is_ok() {
         // A process that was killed stays listed until its parent takes notice.
         let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
         return stat.rsplit(')').next().is_some_and(|rest| rest.trim_start().starts_with('Z'));
     }
-    std::io::Error::last_os_error().raw_os_error() == Some(libc::ESRCH)
+    answer == Err(rustix::io::Errno::SRCH)
 }
 
 /// Whether a process of this machine is certainly not there; without a key for the machine nothing is certain.
