@@ -71,10 +71,34 @@ impl Operation {
             Self::Sub => a - b,
             Self::Mul => a * b,
             Self::Div => a / b,
-            Self::Max => if a > b { a } else { b },
-            Self::Min => if a < b { a } else { b },
-            Self::WherePositive => if a > 0.0 { b } else { 0.0 },
-            Self::Relu => if a > 0.0 { a } else { 0.0 },
+            Self::Max => {
+                if a > b {
+                    a
+                } else {
+                    b
+                }
+            }
+            Self::Min => {
+                if a < b {
+                    a
+                } else {
+                    b
+                }
+            }
+            Self::WherePositive => {
+                if a > 0.0 {
+                    b
+                } else {
+                    0.0
+                }
+            }
+            Self::Relu => {
+                if a > 0.0 {
+                    a
+                } else {
+                    0.0
+                }
+            }
             Self::Fma => scalar_fma(isa, a, b, c),
         }
     }

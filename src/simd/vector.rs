@@ -62,6 +62,26 @@ pub trait Simd: Copy + Send + Sync + 'static {
         self.load(&wide, 0)
     }
 
+    /// [`Simd::load`] without its check, for loops that made sure of all of it beforehand.
+    ///
+    /// # Safety
+    /// `from[at..]` holds sixteen floats.
+    #[inline(always)]
+    unsafe fn load_unchecked(self, from: &[f32], at: usize) -> Self::V {
+        // SAFETY: the caller's promise.
+        self.load(unsafe { from.get_unchecked(at..at + LANES) }, 0)
+    }
+
+    /// [`Simd::store`] without its check, for loops that made sure of all of it beforehand.
+    ///
+    /// # Safety
+    /// `to[at..]` has room for sixteen floats.
+    #[inline(always)]
+    unsafe fn store_unchecked(self, v: Self::V, to: &mut [f32], at: usize) {
+        // SAFETY: the caller's promise.
+        self.store(v, unsafe { to.get_unchecked_mut(at..at + LANES) }, 0);
+    }
+
     /// Fetches the cache line at an address, which need not be valid.
     #[inline(always)]
     fn prefetch(self, _at: *const f32) {}
