@@ -452,6 +452,8 @@ mod clock;
 mod encode;
 #[cfg(test)]
 mod golden_tests;
+#[cfg(test)]
+mod memory_tests;
 mod paths;
 pub(crate) mod probe;
 mod settings;

@@ -8,9 +8,10 @@
 //! a few units in the last place. `conformance` holds every back end to that.
 //!
 //! # Adding an instruction set
-//! One file like `avx2.rs`: a token type, `new` that detects, and `impl Simd`. Then a variant and its line in each of the
-//! tables of `isa.rs`. The conformance suites of this room and of `layers` run it from then on. NEON, say: `V = [float32x4_t; 4]`,
-//! `REGISTERS = 8`.
+//! One file like `avx2.rs`: a token type and its `impl Simd`, whose `detect` makes the token only where the CPU has the instructions.
+//! Then one line in the table of `isa.rs`, as `Neon = "neon": super::neon::Neon, target_arch = "aarch64";` (with
+//! `V = [float32x4_t; 4]` and `REGISTERS = 8`), and the module here. The conformance suites of this room and of `layers` run it from
+//! then on.
 //!
 //! # Adding an element type
 //! One file like `element.rs` holds: `impl Element` with a `load` that widens to f32 lanes. Where a back end has an instruction for
