@@ -41,6 +41,8 @@ pub mod error;
 pub mod frame;
 pub mod io;
 mod kernels;
+mod layers;
+mod memory;
 mod metrics;
 mod network;
 mod picture;
@@ -65,11 +67,11 @@ pub use frame::{Aov, Frame, FrameView};
 #[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod internals {
+    pub use crate::layers::{Activation, Conv, Epilogue, Winograd};
     pub use crate::metrics::{EvaluateOptions, evaluate};
     pub use crate::network::body::Body;
     pub use crate::network::levels::kernel_reach;
     pub use crate::report::{MeasureOptions, REACH, measure};
-    pub use crate::simd::{Activation, Conv, Epilogue, Winograd};
     pub use crate::stability::{Case, CheckRow, HAZARDS, Suite, rendered, summary};
     pub use crate::tiles::{Rect, Tile, tiles};
 }

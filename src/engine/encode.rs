@@ -60,7 +60,11 @@ impl Engine {
     /// As [`encode`](Self::encode) without the features: enough for [`left_out`](Self::left_out); it cannot be denoised or help.
     pub fn look(&self, frame: &Frame) -> Result<EncodedFrame> {
         let packed = self.pack(&frame.view(), None)?;
-        Ok(EncodedFrame { ranges: self.in_pool(|| Ranges::new(&packed)), packed, features: Features::new(0, 0, 0) })
+        Ok(EncodedFrame {
+            ranges: self.in_pool(|| Ranges::new(&packed)),
+            packed,
+            features: Features::new(0, 0, 0, &self.buffers),
+        })
     }
 
     fn pack(&self, frame: &FrameView, scales: Option<Scales>) -> Result<PackedFrame> {
@@ -69,14 +73,14 @@ impl Engine {
             return Err(Error::BadInput { input: "frame".into(), reason: format!("{columns}×{rows} has no pixels") });
         }
         self.in_pool(|| match scales {
-            Some(scales) => PackedFrame::scaled(frame, self.epsilon, scales),
-            None => PackedFrame::new(frame, self.epsilon),
+            Some(scales) => PackedFrame::scaled(frame, self.epsilon, scales, &self.buffers),
+            None => PackedFrame::new(frame, self.epsilon, &self.buffers),
         })
     }
 
     fn finish_encoding(&self, packed: PackedFrame, guides: &GuideViews) -> EncodedFrame {
         self.in_pool(|| {
-            let features = self.encoder.run(self.isa, &packed, guides);
+            let features = self.encoder.run(self.isa, &packed, guides, &self.buffers);
             EncodedFrame { ranges: Ranges::new(&packed), packed, features }
         })
     }

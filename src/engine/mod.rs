@@ -17,6 +17,8 @@ pub use crate::frame::packed::Scales;
 use crate::frame::ranges::Ranges;
 use crate::kernels::Channels;
 use crate::kernels::planes::Planes;
+use crate::layers::Activation;
+use crate::memory::BufferPool;
 use crate::network::body::Body;
 use crate::network::encoder::Encoder;
 use crate::network::features::Features;
@@ -30,7 +32,6 @@ pub use crate::network::weights::Weights;
 pub use crate::rules::skip::{LeftOut, RULES, Rule, Skip};
 use crate::rules::window::LAMBDA_RANGE;
 pub use crate::simd::Isa;
-use crate::simd::{Activation, keep_at_most};
 use crate::tiles::active::{RangePath, active_blocks};
 use crate::tiles::cover::cover;
 use crate::tiles::{Rect, Tile, tiles};
@@ -95,6 +96,7 @@ pub struct Engine {
     identity: Identity,
     isa: Isa,
     pool: Option<rayon::ThreadPool>,
+    buffers: BufferPool,
     encoder: Encoder,
     temporal: Temporal,
     body: Body,
@@ -136,6 +138,7 @@ impl Engine {
         let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(bad_threads);
         Ok(Self {
             pool: settings.threads.map(pool).transpose()?,
+            buffers: BufferPool::default(),
             isa: settings.isa.unwrap_or_else(Isa::detect),
             identity: Identity::new(weights.id.clone(), weights.renderer.as_deref(), settings.skip),
             settings,
@@ -170,6 +173,11 @@ impl Engine {
     /// Seconds spent in each stage since the engine was made, in the order of [`STAGES`].
     pub fn stage_seconds(&self) -> [f64; STAGES.len()] {
         self.clock.seconds()
+    }
+
+    /// Gives the memory that is kept for the next frame back to the system.
+    pub fn release_memory(&self) {
+        self.buffers.release();
     }
 
     /// Does some work with the threads that the settings allow.
@@ -306,7 +314,7 @@ impl Engine {
         let (half_rows, half_columns) = (packed.padded_rows / 2, packed.padded_columns / 2);
         let (tiles, tile) = self.tiles(plan);
         // Tiles of several sizes leave buffers behind that fit nothing; a single one is the same size frame after frame.
-        keep_at_most(if tiles.len() == 1 { TILE_MEMORY.1 as usize } else { tile / 4 });
+        self.buffers.keep_at_most(if tiles.len() == 1 { TILE_MEMORY.1 as usize } else { tile / 4 });
         let covered = tiles.iter().map(|t| t.core.area()).sum::<usize>() == half_rows * half_columns;
         if let ([whole], true) = (&tiles[..], covered) {
             let stages = self.tile(plan, *whole, lambda, Steps { listener, ..UNHEARD });
@@ -371,7 +379,8 @@ impl Engine {
             let frames: Vec<&PackedFrame> = path.frames.iter().map(|f| &f.packed).collect();
             let still = skip.still && path.is_still();
             let offset = (path.offset, still);
-            let warped = self.clock.time(Stage::Warp, || warp(self.isa, &frames, offset, region, &channels, margins.full));
+            let warped =
+                self.clock.time(Stage::Warp, || warp(self.isa, &frames, offset, region, &channels, margins.full, &self.buffers));
             steps.reached(Mark::WARPED.part(index + 1, plan.paths.len()));
             (path, warped)
         });
@@ -382,18 +391,17 @@ impl Engine {
         });
         let (paths, (images, warped)): (Vec<&Path>, (Vec<Planes>, Vec<Warped>)) = seen.unzip();
         let pyramid = self.clock.time(Stage::Coarse, || {
-            let own = centre_planes(self.isa, &centre.packed, region, &channels, margins.full);
+            let own = centre_planes(self.isa, &centre.packed, region, &channels, margins.full, &self.buffers);
             let full = Level { centre: own, neighbours: images };
             pyramid_of(self.isa, full, &channels, margins, (self.levels, centre.packed.exposure))
         });
         steps.reached(Mark::PYRAMID);
         let neighbours: Vec<Neighbour> =
             paths.iter().zip(&warped).map(|(path, warped)| Neighbour { features: &path.neighbour().features, warped }).collect();
-        let mut mixed = Activation::empty();
-        let gathered = self.clock.time(Stage::Temporal, || {
-            let quarter = self.temporal.run(self.isa, &centre.features, &neighbours, region, &mut mixed);
+        let (mixed, gathered) = self.clock.time(Stage::Temporal, || {
+            let (mixed, quarter) = self.temporal.run(self.isa, &centre.features, &neighbours, region, &self.buffers);
             let eighth = quarter.halved();
-            [quarter, eighth]
+            (mixed, [quarter, eighth])
         });
         steps.reached(Mark::TEMPORAL);
         let features = self.clock.time(Stage::Body, || self.body.run(self.isa, mixed, lambda));
@@ -468,6 +476,8 @@ mod encode;
 #[cfg(test)]
 mod golden_tests;
 mod identity;
+#[cfg(test)]
+mod memory_tests;
 mod paths;
 pub(crate) mod probe;
 mod settings;

@@ -65,7 +65,7 @@ impl Engine {
             .map(|path| {
                 let frames: Vec<&PackedFrame> = path.frames.iter().map(|f| &f.packed).collect();
                 let way = (path.offset, self.settings.skip.still && path.is_still());
-                let (_, warped) = warp(self.isa, &frames, way, region, &plan.channels, margins.full);
+                let (_, warped) = warp(self.isa, &frames, way, region, &plan.channels, margins.full, &self.buffers);
                 (path.offset, (&path.neighbour().features, warped))
             })
             .unzip();

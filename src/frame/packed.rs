@@ -10,6 +10,7 @@ use super::exposure::exposure;
 use super::pixels::Pixels;
 use super::sanitise::{MAX_RADIANCE, bounded, front, radiance};
 use crate::error::Result;
+use crate::memory::BufferPool;
 
 /// Frames are padded to a multiple of this in both directions: three 2×2 down-samplings.
 pub const ALIGNMENT: usize = 8;
@@ -69,21 +70,21 @@ impl Scales {
 }
 
 impl PackedFrame {
-    /// Packs a frame for a network that adds `epsilon` to the albedo. Errors when passes differ in size.
-    pub fn new(frame: &FrameView, epsilon: f32) -> Result<Self> {
+    /// Packs a frame for a network that adds `epsilon` to the albedo, in memory from `pool`. Errors when passes differ in size.
+    pub fn new(frame: &FrameView, epsilon: f32, pool: &BufferPool) -> Result<Self> {
         frame.check()?;
-        Self::scaled(frame, epsilon, Scales::of(frame))
+        Self::scaled(frame, epsilon, Scales::of(frame), pool)
     }
 
     /// As [`new`](Self::new), with the scales of the frame that this one is a part of.
-    pub fn scaled(frame: &FrameView, epsilon: f32, scales: Scales) -> Result<Self> {
+    pub fn scaled(frame: &FrameView, epsilon: f32, scales: Scales, pool: &BufferPool) -> Result<Self> {
         frame.check()?;
         let (rows, columns) = frame.size();
         let (padded_rows, padded_columns) = (rows.next_multiple_of(ALIGNMENT), columns.next_multiple_of(ALIGNMENT));
         let has_alpha = frame.alpha.is_some();
         let extra = usize::from(has_alpha) + 3 * frame.aovs.len();
         let mut groups: Vec<Pixels<8>> =
-            (0..1 + extra.div_ceil(8)).map(|_| Pixels::unspecified(padded_rows * padded_columns)).collect();
+            (0..1 + extra.div_ceil(8)).map(|_| Pixels::unspecified(padded_rows * padded_columns, pool)).collect();
         groups[1..].iter_mut().for_each(|group| group.fill([0.0; 8]));
         let (first, more) = groups.split_at_mut(1);
         let colour = frame.colour;
@@ -116,7 +117,7 @@ impl PackedFrame {
                 }
             });
         }
-        let vectors = frame.vector.as_ref().map(|v| pack_vectors(*v, padded_rows, padded_columns));
+        let vectors = frame.vector.as_ref().map(|v| pack_vectors(*v, padded_rows, padded_columns, pool));
         let exposure = scales.exposure;
         let aov_names = frame.aovs.iter().map(|(name, _)| name.to_string()).collect();
         Ok(Self { rows, columns, padded_rows, padded_columns, exposure, groups, extra, has_alpha, aov_names, vectors })
@@ -136,9 +137,9 @@ fn extra_channels<'a>(frame: &FrameView<'a>) -> Vec<(ArrayView2<'a, f32>, Option
     alpha.chain(aovs).collect()
 }
 
-fn pack_vectors(v: ArrayView3<f32>, padded_rows: usize, padded_columns: usize) -> Pixels<4> {
+fn pack_vectors(v: ArrayView3<f32>, padded_rows: usize, padded_columns: usize, pool: &BufferPool) -> Pixels<4> {
     let (rows, columns, _) = v.dim();
-    let mut out = Pixels::unspecified(padded_rows * padded_columns);
+    let mut out = Pixels::unspecified(padded_rows * padded_columns, pool);
     out.par_chunks_mut(padded_columns).enumerate().for_each(|(y, row)| {
         for (x, to) in row.iter_mut().enumerate() {
             *to = std::array::from_fn(|c| v[[y.min(rows - 1), x.min(columns - 1), c]]);
@@ -170,7 +171,7 @@ mod tests {
         colour[[1, 2, 0]] = f32::NAN;
         colour[[2, 4, 1]] = f32::INFINITY;
         colour[[0, 0, 2]] = -7.0;
-        let packed = PackedFrame::new(&Frame::new(colour).view(), 0.05).unwrap();
+        let packed = PackedFrame::new(&Frame::new(colour).view(), 0.05, &BufferPool::default()).unwrap();
         assert_eq!((packed.padded_rows, packed.padded_columns), (8, 8));
         let invalid: usize = packed.groups[0].iter().map(|p| p[INVALID] as usize).sum();
         assert_eq!(invalid, 64 - 15 + 2);
@@ -185,7 +186,7 @@ mod tests {
             frame.depth = Some(Array2::from_shape_fn((9, 9), |(_, x)| if x == 4 { far } else { near }));
             // Depths at bad colours do not count towards the mean, but are there.
             frame.colour.slice_mut(ndarray::s![.., 4, ..]).fill(f32::NAN);
-            let packed = PackedFrame::new(&frame.view(), 0.05).unwrap();
+            let packed = PackedFrame::new(&frame.view(), 0.05, &BufferPool::default()).unwrap();
             assert!(packed.groups[0].iter().flatten().all(|v| v.is_finite()), "{near} and {far}");
         }
     }

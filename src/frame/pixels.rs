@@ -2,15 +2,15 @@
 
 use std::ops::{Deref, DerefMut};
 
-use crate::simd::buffer::Buffer;
+use crate::memory::{Buffer, BufferPool};
 
 /// A run of pixels of `N` floats each.
 pub struct Pixels<const N: usize>(Buffer);
 
 impl<const N: usize> Pixels<N> {
-    /// `count` pixels whose values are unspecified.
-    pub fn unspecified(count: usize) -> Self {
-        let mut buffer = Buffer::empty();
+    /// `count` pixels whose values are unspecified, in memory from `pool`.
+    pub fn unspecified(count: usize, pool: &BufferPool) -> Self {
+        let mut buffer = Buffer::in_pool(pool);
         buffer.reset(count * N);
         Self(buffer)
     }

@@ -137,7 +137,7 @@ mod tests {
         let mut frame = Frame::new(Array3::from_elem((20, 37, 3), 0.5));
         frame.alpha = Some(Array2::from_elem((20, 37), 1.0));
         change(&mut frame);
-        Ranges::new(&PackedFrame::new(&frame.view(), 0.05).unwrap())
+        Ranges::new(&PackedFrame::new(&frame.view(), 0.05, &crate::memory::BufferPool::default()).unwrap())
     }
 
     #[test]

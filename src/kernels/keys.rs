@@ -3,7 +3,7 @@
 use super::Channels;
 use super::planes::RowMut;
 use crate::simd::Isa;
-use crate::simd::lanes::ln_1p_all;
+use crate::simd::math::ln_1p_all;
 
 /// The brightest that the network and the keys tell apart, after exposure (`BRIGHTEST` in `training/data/geometry.py`).
 pub const MAX_EXPOSED: f32 = 1e4;

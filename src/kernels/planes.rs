@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::simd::buffer::Buffer;
+use crate::memory::{Buffer, BufferPool};
 
 /// Columns after the last that a load of a whole segment may touch.
 const SLACK: usize = 32;
@@ -18,10 +18,18 @@ pub struct Planes {
 }
 
 impl Planes {
-    /// Planes whose values are unspecified, with `margin` zero rows and columns around them that may be read.
-    pub fn new(planes: usize, rows: usize, columns: usize, margin: usize) -> Self {
+    /// Planes whose values are unspecified, with `margin` zero rows and columns around them that may be read, in memory from `pool`.
+    pub fn new(planes: usize, rows: usize, columns: usize, margin: usize, pool: &BufferPool) -> Self {
+        Self::filling(Buffer::in_pool(pool), planes, rows, columns, margin)
+    }
+
+    /// As [`Planes::new`], in memory from this one's pool.
+    pub fn same_pool(&self, planes: usize, rows: usize, columns: usize, margin: usize) -> Self {
+        Self::filling(self.data.same_pool(), planes, rows, columns, margin)
+    }
+
+    fn filling(mut data: Buffer, planes: usize, rows: usize, columns: usize, margin: usize) -> Self {
         let stride = columns.next_multiple_of(32) + 2 * margin + SLACK;
-        let mut data = Buffer::empty();
         data.reset(planes * (rows + 2 * margin) * stride);
         let chunk = planes * stride;
         data.as_mut_slice().par_chunks_mut(chunk.max(1)).enumerate().for_each(|(y, row)| {

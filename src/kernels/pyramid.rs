@@ -9,7 +9,7 @@ use crate::simd::Isa;
 /// Full-resolution planes (four phases a channel) to half resolution; a pixel is usable where any of its four is. `exposure` is the
 /// centre frame's, for the keys.
 pub fn down_from_full(isa: Isa, full: &Planes, channels: &Channels, margin: usize, exposure: f32) -> Planes {
-    let mut out = Planes::new(channels.coarse(), full.rows(), full.columns(), margin);
+    let mut out = full.same_pool(channels.coarse(), full.rows(), full.columns(), margin);
     out.rows_mut().enumerate().for_each(|(y, mut row)| {
         let phase = |channel: usize, p: usize| full.row(channel * FULL_PHASES + p, y);
         let four = |channel: usize| [phase(channel, 0), phase(channel, 1), phase(channel, 2), phase(channel, 3)];
@@ -35,7 +35,7 @@ pub fn down_from_full(isa: Isa, full: &Planes, channels: &Channels, margin: usiz
 /// Half-resolution planes to quarter resolution.
 pub fn down(isa: Isa, half: &Planes, channels: &Channels, margin: usize, exposure: f32) -> Planes {
     let (rows, columns) = (half.rows() / 2, half.columns() / 2);
-    let mut out = Planes::new(channels.coarse(), rows, columns, margin);
+    let mut out = half.same_pool(channels.coarse(), rows, columns, margin);
     out.rows_mut().enumerate().for_each(|(y, mut row)| {
         let mask = [half.row(channels.mask(), 2 * y), half.row(channels.mask(), 2 * y + 1)];
         let four = |rows: [&[f32]; 2], x: usize| [rows[0][2 * x], rows[0][2 * x + 1], rows[1][2 * x], rows[1][2 * x + 1]];
@@ -57,7 +57,7 @@ pub fn down(isa: Isa, half: &Planes, channels: &Channels, margin: usize, exposur
 
 /// Each pixel of `coarse` four times: planes of twice the size.
 pub fn up(coarse: &Planes, margin: usize) -> Planes {
-    let mut out = Planes::new(coarse.planes(), 2 * coarse.rows(), 2 * coarse.columns(), margin);
+    let mut out = coarse.same_pool(coarse.planes(), 2 * coarse.rows(), 2 * coarse.columns(), margin);
     out.rows_mut().enumerate().for_each(|(y, mut row)| {
         for plane in 0..coarse.planes() {
             let from = coarse.row(plane, y / 2);
@@ -74,7 +74,7 @@ mod tests {
     #[test]
     fn down_sampling_averages_what_is_usable() {
         let channels = Channels::new(0, false);
-        let mut half = Planes::new(channels.coarse(), 4, 4, 0);
+        let mut half = Planes::new(channels.coarse(), 4, 4, 0, &crate::memory::BufferPool::default());
         half.rows_mut().enumerate().for_each(|(y, mut row)| {
             for x in 0..4 {
                 row.plane(0)[x] = (4 * y + x) as f32;

@@ -4,8 +4,9 @@
 
 use super::Channels;
 use super::planes::Planes;
-use crate::simd::dense::SEGMENT;
-use crate::simd::lanes::Lanes;
+use crate::layers::SEGMENT;
+use crate::simd::Simd;
+use crate::simd::math::exp;
 
 /// Logits are clamped to ± this, so that no weight underflows (`LOGIT_LIMIT` in `training/network/model.py`).
 const LOGIT_LIMIT: f32 = 40.0;
@@ -80,8 +81,8 @@ impl Weights {
 /// `y`, `x` count the images' pixels (half-resolution pixels where they have four phases); `layout` tells which channel is which.
 #[inline(always)]
 #[allow(clippy::too_many_arguments)]
-pub fn apply<L: Lanes>(
-    l: L,
+pub fn apply<S: Simd>(
+    s: S,
     images: &[Taps],
     layout: &Channels,
     channels: std::ops::Range<usize>,
@@ -96,7 +97,7 @@ pub fn apply<L: Lanes>(
     buffers.scales.resize(phases * SEGMENT, 0.0);
     for phase in 0..phases {
         weigh(
-            l,
+            s,
             images,
             layout,
             phase,
@@ -117,9 +118,9 @@ pub fn apply<L: Lanes>(
                 let out = &mut out[((channel - channels.start) * phases + phase) * SEGMENT..];
                 let at = Place { channel, phase, y, x };
                 channel += match channels.end - channel {
-                    1 => add::<L, 1>(l, image, at, weights, out),
-                    2 => add::<L, 2>(l, image, at, weights, out),
-                    _ => add::<L, 3>(l, image, at, weights, out),
+                    1 => add::<S, 1>(s, image, at, weights, out),
+                    2 => add::<S, 2>(s, image, at, weights, out),
+                    _ => add::<S, 3>(s, image, at, weights, out),
                 };
             }
         }
@@ -127,7 +128,7 @@ pub fn apply<L: Lanes>(
     }
     for out in out[..size].chunks_exact_mut(phases * SEGMENT) {
         for at in (0..phases * SEGMENT).step_by(16) {
-            l.store(l.mul(l.load(out, at), l.load(&buffers.scales, at)), out, at);
+            s.store(s.mul(s.load(out, at), s.load(&buffers.scales, at)), out, at);
         }
     }
 }
@@ -144,25 +145,25 @@ struct Place {
 /// Adds the weighted taps of N channels to `out`, [channel][phase][32] from the first one's phase on: each weight is read once for
 /// all of them, and N sums grow side by side. Returns N.
 #[inline(always)]
-fn add<L: Lanes, const N: usize>(l: L, image: &Taps, at: Place, weights: &[f32], out: &mut [f32]) -> usize {
+fn add<S: Simd, const N: usize>(s: S, image: &Taps, at: Place, weights: &[f32], out: &mut [f32]) -> usize {
     let data = image.image.data();
     let pitch = image.offsets.len() * SEGMENT;
     let mut starts = [0; N];
-    let mut sums = [[l.splat(0.0); 2]; N];
+    let mut sums = [[s.splat(0.0); 2]; N];
     for n in 0..N {
         starts[n] = image.start(at.channel + n, at.y, at.x);
-        sums[n] = [l.load(out, n * pitch), l.load(out, n * pitch + 16)];
+        sums[n] = [s.load(out, n * pitch), s.load(out, n * pitch + 16)];
     }
     for (offset, weight) in image.offsets[at.phase].iter().zip(weights.chunks_exact(SEGMENT)) {
-        let weight = [l.load(weight, 0), l.load(weight, 16)];
+        let weight = [s.load(weight, 0), s.load(weight, 16)];
         for n in 0..N {
             let pixels = &data[(starts[n] + offset) as usize..][..SEGMENT];
-            sums[n] = [l.fma(weight[0], l.load(pixels, 0), sums[n][0]), l.fma(weight[1], l.load(pixels, 16), sums[n][1])];
+            sums[n] = [s.fma(weight[0], s.load(pixels, 0), sums[n][0]), s.fma(weight[1], s.load(pixels, 16), sums[n][1])];
         }
     }
     for (n, sum) in sums.iter().enumerate() {
-        l.store(sum[0], out, n * pitch);
-        l.store(sum[1], out, n * pitch + 16);
+        s.store(sum[0], out, n * pitch);
+        s.store(sum[1], out, n * pitch + 16);
     }
     N
 }
@@ -170,8 +171,8 @@ fn add<L: Lanes, const N: usize>(l: L, image: &Taps, at: Place, weights: &[f32],
 /// Weights [tap][32] of one output phase before normalisation, and what to multiply the sums by.
 #[inline(always)]
 #[allow(clippy::too_many_arguments)]
-fn weigh<L: Lanes>(
-    l: L,
+fn weigh<S: Simd>(
+    s: S,
     images: &[Taps],
     channels: &Channels,
     phase: usize,
@@ -180,7 +181,7 @@ fn weigh<L: Lanes>(
     weights: &mut [f32],
     scales: &mut [f32],
 ) {
-    let (low, high, above) = (l.splat(-LOGIT_LIMIT), l.splat(LOGIT_LIMIT), l.splat(2.0 * LOGIT_LIMIT));
+    let (low, high, above) = (s.splat(-LOGIT_LIMIT), s.splat(LOGIT_LIMIT), s.splat(2.0 * LOGIT_LIMIT));
     // A usable tap counts from above all that are not, so that those never matter, not even for the rounding.
     let mut greatest = [low; 2];
     let mut slots = weights.chunks_exact_mut(SEGMENT);
@@ -188,45 +189,45 @@ fn weigh<L: Lanes>(
         let (mask, key) = (image.start(channels.mask(), y, x), image.start(channels.key(), y, x));
         let logits = &image.logits[phase * image.pitch * SEGMENT..][..image.len() * SEGMENT];
         let data = image.image.data();
-        let mut query = [[l.splat(0.0); 2]; 2];
+        let mut query = [[s.splat(0.0); 2]; 2];
         if let Some(queries) = image.queries {
             let at = 2 * phase * SEGMENT;
             query = [
-                [l.load(queries, at), l.load(queries, at + 16)],
-                [l.load(queries, at + SEGMENT), l.load(queries, at + SEGMENT + 16)],
+                [s.load(queries, at), s.load(queries, at + 16)],
+                [s.load(queries, at + SEGMENT), s.load(queries, at + SEGMENT + 16)],
             ];
         }
         for ((offset, tap), slot) in image.offsets[phase].iter().zip(logits.chunks_exact(SEGMENT)).zip(&mut slots) {
             let usable = &data[(mask + offset) as usize..][..SEGMENT];
             for (part, greatest) in greatest.iter_mut().enumerate() {
-                let mut logit = l.load(tap, 16 * part);
+                let mut logit = s.load(tap, 16 * part);
                 if image.queries.is_some() {
-                    let key = l.load(&data[(key + offset) as usize..][..SEGMENT], 16 * part);
-                    logit = l.fma(key, l.fma(key, query[1][part], query[0][part]), logit);
+                    let key = s.load(&data[(key + offset) as usize..][..SEGMENT], 16 * part);
+                    logit = s.fma(key, s.fma(key, query[1][part], query[0][part]), logit);
                 }
-                let logit = l.min(l.max(logit, low), high);
-                *greatest = l.max(*greatest, l.fma(l.load(usable, 16 * part), above, logit));
-                l.store(logit, slot, 16 * part);
+                let logit = s.min(s.max(logit, low), high);
+                *greatest = s.max(*greatest, s.fma(s.load(usable, 16 * part), above, logit));
+                s.store(logit, slot, 16 * part);
             }
         }
     }
-    greatest = [l.sub(greatest[0], above), l.sub(greatest[1], above)];
-    let mut norm = [l.splat(0.0); 2];
+    greatest = [s.sub(greatest[0], above), s.sub(greatest[1], above)];
+    let mut norm = [s.splat(0.0); 2];
     let mut slots = weights.chunks_exact_mut(SEGMENT);
     for image in images {
         let mask = image.start(channels.mask(), y, x);
         for (offset, slot) in image.offsets[phase].iter().zip(&mut slots) {
             let usable = &image.image.data()[(mask + offset) as usize..][..SEGMENT];
             for part in 0..2 {
-                let logit = l.load(slot, 16 * part);
-                let weight = l.mul(l.exp(l.sub(logit, greatest[part])), l.load(usable, 16 * part));
-                norm[part] = l.add(norm[part], weight);
-                l.store(weight, slot, 16 * part);
+                let logit = s.load(slot, 16 * part);
+                let weight = s.mul(exp(s, s.sub(logit, greatest[part])), s.load(usable, 16 * part));
+                norm[part] = s.add(norm[part], weight);
+                s.store(weight, slot, 16 * part);
             }
         }
     }
     for (part, norm) in norm.into_iter().enumerate() {
-        let scale = l.where_positive(norm, l.div(l.splat(1.0), l.max(norm, l.splat(1e-37))));
-        l.store(scale, scales, 16 * part);
+        let scale = s.where_positive(norm, s.div(s.splat(1.0), s.max(norm, s.splat(1e-37))));
+        s.store(scale, scales, 16 * part);
     }
 }

@@ -20,7 +20,6 @@ pub mod ssim;
 pub mod tonemap;
 
 pub use evaluate::{EvaluateOptions, evaluate};
-pub use evaluation::Evaluation;
 pub use flicker::flicker;
 pub use flip::flip;
 pub use images::ImageChoice;

@@ -4,7 +4,8 @@ use super::residual::Residual;
 use super::specialisation::Specialised;
 use super::weights::Weights;
 use crate::error::Result;
-use crate::simd::{Activation, Conv, Epilogue, Isa, Source};
+use crate::layers::{Activation, Conv, Epilogue, Source};
+use crate::simd::Isa;
 
 /// Layers between the temporal extractor and the kernel predictors.
 pub struct Body {
@@ -51,15 +52,15 @@ impl Body {
 
     /// Half-, quarter- and eighth-resolution features for a λ, from the temporal extractor's output, which is used up.
     pub fn run(&self, isa: Isa, mut half: Activation, lambda: f32) -> [Activation; 3] {
-        let mut scratch = Activation::empty();
+        let mut scratch = half.same_pool();
         self.half_in.iter().for_each(|block| block.run(isa, &mut half, &mut scratch));
         let relu_input = Epilogue { relu_input: true, ..Default::default() };
-        let (mut quarter, mut eighth, mut small) = (Activation::empty(), Activation::empty(), Activation::empty());
+        let (mut quarter, mut eighth, mut small) = (half.same_pool(), half.same_pool(), half.same_pool());
         self.to_quarter.run(isa, &half, &mut quarter, relu_input);
         self.quarter_in.iter().for_each(|block| block.run(isa, &mut quarter, &mut small));
         self.to_eighth.run(isa, &quarter, &mut eighth, relu_input);
         self.eighth.iter().for_each(|block| block.run(isa, &mut eighth, &mut small));
-        let mut quarter_out = Activation::empty();
+        let mut quarter_out = half.same_pool();
         let inputs = [Source::upsampled(&eighth), Source::new(&quarter)];
         self.from_eighth.at(lambda).run_concat(isa, &inputs, &mut quarter_out, Epilogue::default());
         self.quarter_out.run(isa, &mut quarter_out, &mut quarter);

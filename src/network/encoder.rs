@@ -9,8 +9,10 @@ use crate::error::Result;
 use crate::frame::packed::{COLOUR, DEPTH, GuideViews, PackedFrame};
 use crate::frame::sanitise::bounded;
 use crate::kernels::keys::MAX_EXPOSED;
-use crate::simd::lanes::ln_1p_all;
-use crate::simd::{Activation, Conv, Epilogue, Isa, Winograd};
+use crate::layers::{Activation, Conv, Epilogue, Winograd};
+use crate::memory::BufferPool;
+use crate::simd::Isa;
+use crate::simd::math::ln_1p_all;
 
 /// Channels at full resolution: log colour 3, albedo 3, normal 3, log depth 1.
 const INPUTS: usize = 10;
@@ -42,16 +44,16 @@ impl Encoder {
         2 + 2 * self.blocks.len()
     }
 
-    /// Features (padded rows / 2, padded columns / 2, features) of a frame, computed in strips that bound the memory.
-    pub fn run(&self, isa: Isa, frame: &PackedFrame, guides: &GuideViews) -> Features {
+    /// Features (padded rows / 2, padded columns / 2, features) of a frame, computed in strips that bound the memory, which comes from `pool`.
+    pub fn run(&self, isa: Isa, frame: &PackedFrame, guides: &GuideViews, pool: &BufferPool) -> Features {
         let (rows, columns) = (frame.padded_rows / 2, frame.padded_columns / 2);
         // Strips and the halo are even: Winograd's tiles lie alike in all of them.
         let (step, halo) = (if rows * columns <= WHOLE_AREA { rows } else { (STRIP_AREA / columns).max(2) & !1 }, self.halo());
-        let mut features = Features::new(rows, columns, self.second.output_channels());
-        let (mut hidden, mut out) = (Activation::empty(), Activation::empty());
+        let mut features = Features::new(rows, columns, self.second.output_channels(), pool);
+        let (mut hidden, mut out) = (Activation::in_pool(pool), Activation::in_pool(pool));
         for first in (0..rows).step_by(step) {
             let (start, end) = (first.saturating_sub(halo), (first + step + halo).min(rows));
-            let inputs = inputs(isa, frame, guides, start..end);
+            let inputs = inputs(isa, frame, guides, start..end, pool);
             self.first.run(isa, &inputs, &mut hidden, Epilogue { relu_output: true, ..Default::default() });
             self.second.run(isa, &hidden, &mut out, Epilogue::default());
             self.blocks.iter().for_each(|block| block.run(isa, &mut out, &mut hidden));
@@ -62,10 +64,10 @@ impl Encoder {
 }
 
 /// The encoder's input in some half-resolution rows, the 2×2 pixels of a half-resolution pixel side by side: channel c·4 + 2·(row & 1) + (column & 1).
-fn inputs(isa: Isa, frame: &PackedFrame, guides: &GuideViews, rows: std::ops::Range<usize>) -> Activation {
+fn inputs(isa: Isa, frame: &PackedFrame, guides: &GuideViews, rows: std::ops::Range<usize>, pool: &BufferPool) -> Activation {
     let half_columns = frame.padded_columns / 2;
     let columns = frame.padded_columns;
-    let mut out = Activation::empty();
+    let mut out = Activation::in_pool(pool);
     out.reset(rows.len(), half_columns, 4 * INPUTS);
     out.as_mut_slice().par_chunks_mut(half_columns * 4 * INPUTS).enumerate().for_each(|(hy, row)| {
         let mut logs = vec![0.0; 4 * columns];

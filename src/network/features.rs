@@ -3,8 +3,8 @@
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 
-use crate::simd::Activation;
-use crate::simd::lanes::Lanes;
+use crate::layers::Activation;
+use crate::memory::BufferPool;
 
 /// Half-resolution pixels from which on features are kept as half floats: frames of more than about four megapixels.
 const COMPACT_FROM: usize = 1 << 20;
@@ -25,26 +25,6 @@ enum Values {
     Compact(Vec<f16>),
 }
 
-/// Sixteen channels at a time, from either kind of storage.
-pub trait Channels16: Copy {
-    /// Channels `at`… as lanes; panics where there are not sixteen.
-    fn lanes<L: Lanes>(self, l: L, at: usize) -> L::V;
-}
-
-impl Channels16 for &[f32] {
-    #[inline(always)]
-    fn lanes<L: Lanes>(self, l: L, at: usize) -> L::V {
-        l.load(self, at)
-    }
-}
-
-impl Channels16 for &[f16] {
-    #[inline(always)]
-    fn lanes<L: Lanes>(self, l: L, at: usize) -> L::V {
-        l.load_half(self, at)
-    }
-}
-
 /// The values in the kind of storage that they are in.
 #[derive(Clone, Copy)]
 pub enum Stored<'a> {
@@ -53,12 +33,12 @@ pub enum Stored<'a> {
 }
 
 impl Features {
-    /// Room for features of `rows` × `columns` half-resolution pixels, to be filled with [`Self::put`].
-    pub fn new(rows: usize, columns: usize, channels: usize) -> Self {
+    /// Room for features of `rows` × `columns` half-resolution pixels, to be filled with [`Self::put`]; in memory from `pool`.
+    pub fn new(rows: usize, columns: usize, channels: usize, pool: &BufferPool) -> Self {
         let values = if rows * columns > COMPACT_FROM {
             Values::Compact(vec![f16::ZERO; rows * columns * channels])
         } else {
-            let mut full = Activation::empty();
+            let mut full = Activation::in_pool(pool);
             full.reset(rows, columns, channels);
             Values::Full(full)
         };

@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 
 use super::warp::EXTRAS;
-use crate::simd::buffer::Buffer;
-use crate::simd::dense::SEGMENT;
+use crate::layers::SEGMENT;
+use crate::memory::{Buffer, BufferPool};
 
 /// [row][segment of 32 columns][neighbour][feature or extra][32] at one resolution. Pixels past a row's end mean nothing.
 pub struct Gathered {
@@ -17,10 +17,12 @@ pub struct Gathered {
 }
 
 impl Gathered {
-    /// Unspecified values for `neighbours` with so many features.
-    pub fn new(rows: usize, columns: usize, neighbours: usize, features: usize) -> Self {
-        let size = (features + EXTRAS) * SEGMENT;
-        let mut values = Buffer::empty();
+    /// Unspecified values for `neighbours` with so many features, in memory from `pool`.
+    pub fn new(rows: usize, columns: usize, neighbours: usize, features: usize, pool: &BufferPool) -> Self {
+        Self::filling(Buffer::in_pool(pool), (rows, columns), neighbours, (features + EXTRAS) * SEGMENT)
+    }
+
+    fn filling(mut values: Buffer, (rows, columns): (usize, usize), neighbours: usize, size: usize) -> Self {
         values.reset(rows * columns.div_ceil(SEGMENT) * neighbours * size);
         Self { values, rows, columns, neighbours, size }
     }
@@ -46,8 +48,7 @@ impl Gathered {
     /// 2×2 means: half the resolution.
     pub fn halved(&self) -> Self {
         let (rows, columns) = (self.rows / 2, self.columns / 2);
-        let mut out = Self { values: Buffer::empty(), rows, columns, neighbours: self.neighbours, size: self.size };
-        out.values.reset(rows * columns.div_ceil(SEGMENT) * self.neighbours * self.size);
+        let mut out = Self::filling(self.values.same_pool(), (rows, columns), self.neighbours, self.size);
         out.rows_mut().enumerate().for_each(|(y, row)| {
             for x in (0..self.columns).step_by(SEGMENT) {
                 for n in 0..self.neighbours {
@@ -78,7 +79,7 @@ mod tests {
     #[test]
     fn halving_averages_two_by_two_across_segments() {
         let (rows, columns, features) = (4, 72, 1);
-        let mut fine = Gathered::new(rows, columns, 2, features);
+        let mut fine = Gathered::new(rows, columns, 2, features, &BufferPool::default());
         let value = |y: usize, x: usize, n: usize, c: usize| (1000 * n + 100 * c + 10 * y + x) as f32;
         fine.rows_mut().enumerate().for_each(|(y, row)| {
             for (i, v) in row.iter_mut().enumerate() {

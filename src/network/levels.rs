@@ -9,9 +9,10 @@ use super::predictor::{Head, Predictor};
 use crate::kernels::planes::Planes;
 use crate::kernels::weigh::{Taps, Weights, apply, offsets};
 use crate::kernels::{Channels, FULL_PHASES, pyramid};
-use crate::simd::dense::SEGMENT;
-use crate::simd::lanes::{Lanes, dispatch};
-use crate::simd::{Activation, Isa};
+use crate::layers::Activation;
+use crate::layers::SEGMENT;
+use crate::simd::Isa;
+use crate::simd::{Simd, dispatch};
 use crate::tiles::Tile;
 
 /// One pyramid level's images: the centre's and each neighbour's.
@@ -100,7 +101,8 @@ impl Levels<'_> {
     /// usable where any of its taps was: that fills holes from afar.
     fn coarse_level(&self, head: &Head, known: (&Activation, Pairs), level: &Level, coarser: Option<&Planes>) -> Planes {
         let reach = self.reach(level, 1, self.widths[0], self.widths[1], coarser.map(|c| (c, 2)));
-        let mut out = Planes::new(self.channels.denoised(), level.centre.rows(), level.centre.columns(), self.margins.coarse);
+        let (rows, columns) = (level.centre.rows(), level.centre.columns());
+        let mut out = level.centre.same_pool(self.channels.denoised(), rows, columns, self.margins.coarse);
         out.rows_mut().enumerate().for_each(|(y, mut row)| {
             let mut line = vec![0.0; self.channels.denoised() * known.0.columns().next_multiple_of(SEGMENT)];
             coarse_row(self.isa, self, head, known, level, coarser, &reach, y, &mut line);
@@ -135,8 +137,8 @@ impl Levels<'_> {
 
 #[inline(always)]
 #[allow(clippy::too_many_arguments)]
-fn coarse_row_body<L: Lanes>(
-    l: L,
+fn coarse_row_body<S: Simd>(
+    s: S,
     levels: &Levels,
     head: &Head,
     (features, pairs): (&Activation, Pairs),
@@ -152,7 +154,7 @@ fn coarse_row_body<L: Lanes>(
     let mut weights = Weights::default();
     let mut values_of = vec![0.0; values * SEGMENT];
     for x in (0..features.columns()).step_by(SEGMENT) {
-        head.predict(l, features, pairs, y, x, &mut logits);
+        head.predict(s, features, pairs, y, x, &mut logits);
         let centre = &logits.centre;
         let own = Taps { image: &level.centre, phases: 1, offsets: &reach.centre, logits: centre, pitch: 0, queries: None };
         let mut taps = vec![Taps { queries: Some(&centre[head.queries * SEGMENT..]), ..own }];
@@ -163,7 +165,7 @@ fn coarse_row_body<L: Lanes>(
         for ((image, offsets), logits) in level.neighbours.iter().zip(&reach.neighbours).zip(&logits.pairs) {
             taps.push(Taps { image, offsets, logits, queries: Some(&logits[head.pair_queries * SEGMENT..]), ..own });
         }
-        apply(l, &taps, &levels.channels, 0..values, y, x, &mut weights, &mut values_of);
+        apply(s, &taps, &levels.channels, 0..values, y, x, &mut weights, &mut values_of);
         for (channel, from) in values_of.chunks_exact(SEGMENT).enumerate() {
             line[channel * stride + x..][..SEGMENT].copy_from_slice(from);
         }
@@ -174,9 +176,9 @@ fn coarse_row_body<L: Lanes>(
 
 dispatch! {
     fn coarse_row(
-        levels: &Levels,
+        levels: &Levels<'_>,
         head: &Head,
-        known: (&Activation, Pairs),
+        known: (&Activation, Pairs<'_>),
         level: &Level,
         coarser: Option<&Planes>,
         reach: &Reach,
@@ -187,8 +189,8 @@ dispatch! {
 
 /// Two full-resolution rows of the core, (2, columns, values); `y` counts half-resolution rows of the region.
 #[inline(always)]
-fn full_row_body<L: Lanes>(
-    l: L,
+fn full_row_body<S: Simd>(
+    s: S,
     levels: &Levels,
     half: Option<&Planes>,
     reach: &Reach,
@@ -208,7 +210,7 @@ fn full_row_body<L: Lanes>(
     let (image, phases) = (&level.centre, FULL_PHASES);
     for x in (first..first + core.columns).step_by(SEGMENT) {
         let head = &levels.predictor.full;
-        head.predict(l, &levels.features[0], levels.pairs(0), y, x, &mut logits);
+        head.predict(s, &levels.features[0], levels.pairs(0), y, x, &mut logits);
         let coarse = &logits.centre[counts.centre * SEGMENT..];
         let of_albedo = &coarse[counts.coarse * SEGMENT..];
         let own = Taps { image, phases, offsets: &reach.centre, logits: &logits.centre, pitch, queries: None };
@@ -224,9 +226,9 @@ fn full_row_body<L: Lanes>(
             taps.push(Taps { image, phases: 1, offsets: &reach.coarse, logits: coarse, ..own });
         }
         let albedo_channels = channels.modulation()..channels.modulation() + 3;
-        apply(l, &albedo_taps, &channels, albedo_channels, y, x, &mut weights, &mut modulation);
+        apply(s, &albedo_taps, &channels, albedo_channels, y, x, &mut weights, &mut modulation);
         own_where_zero(&mut modulation, image, channels.modulation(), y, x);
-        apply(l, &taps, &channels, 0..values, y, x, &mut weights, &mut line);
+        apply(s, &taps, &channels, 0..values, y, x, &mut weights, &mut line);
         for (channel, line) in line.chunks_exact_mut(FULL_PHASES * SEGMENT).enumerate() {
             let Some(c) = channels.modulated_by(channel) else { continue };
             let modulation = &modulation[c * FULL_PHASES * SEGMENT..][..FULL_PHASES * SEGMENT];
@@ -262,7 +264,7 @@ fn interleave(line: &[f32], values: usize, x: usize, columns: usize, out: &mut [
 }
 
 dispatch! {
-    fn full_row(levels: &Levels, half: Option<&Planes>, reach: &Reach, albedo: &Reach, y: usize, out: &mut [f32]) = full_row_body
+    fn full_row(levels: &Levels<'_>, half: Option<&Planes>, reach: &Reach, albedo: &Reach, y: usize, out: &mut [f32]) = full_row_body
 }
 
 /// The images of a region at the `levels` finest levels. `exposure` is the centre frame's.

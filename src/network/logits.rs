@@ -2,9 +2,10 @@
 
 use super::pairs::Pairs;
 use super::predictor::Head;
-use crate::simd::dense::SEGMENT;
-use crate::simd::lanes::{Lanes, dispatch};
-use crate::simd::{Activation, Isa};
+use crate::layers::Activation;
+use crate::layers::SEGMENT;
+use crate::simd::Isa;
+use crate::simd::{Simd, dispatch};
 
 /// One pyramid level's logits, [output][row][column] of the head's resolution.
 pub(crate) struct RegionLogits {
@@ -46,15 +47,15 @@ impl RegionLogits {
 }
 
 #[inline(always)]
-fn logits_row_body<L: Lanes>(l: L, head: &Head, features: &Activation, pairs: Pairs, y: usize, out: &mut RegionLogits) {
+fn logits_row_body<S: Simd>(s: S, head: &Head, features: &Activation, pairs: Pairs, y: usize, out: &mut RegionLogits) {
     let mut logits = head.buffers(pairs.len());
     for x in (0..features.columns()).step_by(SEGMENT) {
-        head.predict(l, features, pairs, y, x, &mut logits);
+        head.predict(s, features, pairs, y, x, &mut logits);
         out.put(x, y, &logits.centre, None);
         logits.pairs.iter().enumerate().for_each(|(n, pair)| out.put(x, y, pair, Some(n)));
     }
 }
 
 dispatch! {
-    fn logits_row(head: &Head, features: &Activation, pairs: Pairs, y: usize, out: &mut RegionLogits) = logits_row_body
+    fn logits_row(head: &Head, features: &Activation, pairs: Pairs<'_>, y: usize, out: &mut RegionLogits) = logits_row_body
 }

@@ -1,10 +1,10 @@
 //! What the network knows of a neighbour at a pixel: its features warped to the centre frame, and the extras.
 
-use super::features::{Channels16, Features, Stored};
+use super::features::{Features, Stored};
 use super::gathered::Gathered;
 use super::warp::{Corners, EXTRAS, Warped};
-use crate::simd::dense::SEGMENT;
-use crate::simd::lanes::Lanes;
+use crate::layers::SEGMENT;
+use crate::simd::{Element, Simd};
 use crate::tiles::Rect;
 
 /// A neighbour in a region.
@@ -39,57 +39,57 @@ impl Pairs<'_> {
 
 /// Copies 32 pixels of a row to [channel][32]; pixels past the row's end repeat its last. ReLU where asked.
 #[inline(always)]
-pub fn segment_of<L: Lanes, S: Channels16>(l: L, row: Row<S>, channels: usize, x: usize, relu: bool, out: &mut [f32]) {
-    let low = l.splat(if relu { 0.0 } else { f32::NEG_INFINITY });
+pub fn segment_of<S: Simd, E: Element>(s: S, row: Row<E>, channels: usize, x: usize, relu: bool, out: &mut [f32]) {
+    let low = s.splat(if relu { 0.0 } else { f32::NEG_INFINITY });
     let mut block = [low; 16];
     for part in (0..SEGMENT).step_by(16) {
         for first in (0..channels).step_by(16) {
             for (p, pixel) in block.iter_mut().enumerate() {
                 let at = (x + part + p).min(row.columns - 1);
-                *pixel = l.max(row.values.lanes(l, row.start + at * channels + first), low);
+                *pixel = s.max(E::load(s, row.values, row.start + at * channels + first), low);
             }
-            store_columns(l, block, first, part, out);
+            store_columns(s, block, first, part, out);
         }
     }
 }
 
 /// A row of an image of many channels: `columns` pixels from `values[start]` on.
 #[derive(Clone, Copy)]
-pub struct Row<S> {
-    pub values: S,
+pub struct Row<'a, E> {
+    pub values: &'a [E],
     pub start: usize,
     pub columns: usize,
 }
 
 /// [`segment_of`] a row of a frame's features, without ReLU: columns `x`… of the region, row `y`.
 #[inline(always)]
-pub fn features_of<L: Lanes>(l: L, features: &Features, region: Rect, y: usize, x: usize, out: &mut [f32]) {
+pub fn features_of<S: Simd>(s: S, features: &Features, region: Rect, y: usize, x: usize, out: &mut [f32]) {
     let (_, columns, channels) = features.shape();
     let start = ((region.row + y) * columns + region.column) * channels;
     match features.stored() {
-        Stored::Full(values) => segment_of(l, Row { values, start, columns: region.columns }, channels, x, false, out),
-        Stored::Compact(values) => segment_of(l, Row { values, start, columns: region.columns }, channels, x, false, out),
+        Stored::Full(values) => segment_of(s, Row { values, start, columns: region.columns }, channels, x, false, out),
+        Stored::Compact(values) => segment_of(s, Row { values, start, columns: region.columns }, channels, x, false, out),
     }
 }
 
 /// Writes sixteen pixels of sixteen channels to channels `first`… and pixels `part`… of [channel][32].
 #[inline(always)]
-fn store_columns<L: Lanes>(l: L, pixels: [L::V; 16], first: usize, part: usize, out: &mut [f32]) {
-    for (c, column) in l.transpose(pixels).into_iter().enumerate() {
-        l.store(column, out, (first + c) * SEGMENT + part);
+fn store_columns<S: Simd>(s: S, pixels: [S::V; 16], first: usize, part: usize, out: &mut [f32]) {
+    for (c, column) in s.transpose(pixels).into_iter().enumerate() {
+        s.store(column, out, (first + c) * SEGMENT + part);
     }
 }
 
 /// [features + EXTRAS][32] of the neighbour at the region's half-resolution row `y`, columns `x`….
 #[inline(always)]
-pub fn gather<L: Lanes>(l: L, neighbour: Neighbour, region: Rect, y: usize, x: usize, out: &mut [f32]) {
+pub fn gather<S: Simd>(s: S, neighbour: Neighbour, region: Rect, y: usize, x: usize, out: &mut [f32]) {
     if neighbour.warped.still {
-        features_of(l, neighbour.features, region, y, x, out);
+        features_of(s, neighbour.features, region, y, x, out);
         return extras_of(neighbour, region, y, x, out);
     }
     match neighbour.features.stored() {
-        Stored::Full(values) => gather_from(l, values, neighbour, region, y, x, out),
-        Stored::Compact(values) => gather_from(l, values, neighbour, region, y, x, out),
+        Stored::Full(values) => gather_from(s, values, neighbour, region, y, x, out),
+        Stored::Compact(values) => gather_from(s, values, neighbour, region, y, x, out),
     }
 }
 
@@ -107,9 +107,9 @@ fn extras_of(neighbour: Neighbour, region: Rect, y: usize, x: usize, out: &mut [
 }
 
 #[inline(always)]
-fn gather_from<L: Lanes, S: Channels16>(
-    l: L,
-    features: S,
+fn gather_from<S: Simd, E: Element>(
+    s: S,
+    features: &[E],
     neighbour: Neighbour,
     region: Rect,
     y: usize,
@@ -117,7 +117,7 @@ fn gather_from<L: Lanes, S: Channels16>(
     out: &mut [f32],
 ) {
     let (_, columns, channels) = neighbour.features.shape();
-    let mut block = [l.splat(0.0); 16];
+    let mut block = [s.splat(0.0); 16];
     let mut index = [0; 16];
     let mut weight = [[0.0; 4]; 16];
     for part in (0..SEGMENT).step_by(16) {
@@ -129,12 +129,12 @@ fn gather_from<L: Lanes, S: Channels16>(
         for first in (0..channels).step_by(16) {
             for p in 0..16 {
                 let [upper, lower] = [index[p] + first, index[p] + columns * channels + first];
-                let sum = l.mul(l.splat(weight[p][0]), features.lanes(l, upper));
-                let sum = l.fma(l.splat(weight[p][1]), features.lanes(l, upper + channels), sum);
-                let sum = l.fma(l.splat(weight[p][2]), features.lanes(l, lower), sum);
-                block[p] = l.fma(l.splat(weight[p][3]), features.lanes(l, lower + channels), sum);
+                let sum = s.mul(s.splat(weight[p][0]), E::load(s, features, upper));
+                let sum = s.fma(s.splat(weight[p][1]), E::load(s, features, upper + channels), sum);
+                let sum = s.fma(s.splat(weight[p][2]), E::load(s, features, lower), sum);
+                block[p] = s.fma(s.splat(weight[p][3]), E::load(s, features, lower + channels), sum);
             }
-            store_columns(l, block, first, part, out);
+            store_columns(s, block, first, part, out);
         }
     }
     extras_of(neighbour, region, y, x, out);

@@ -12,9 +12,9 @@ use super::warp::EXTRAS;
 use super::weights::Weights;
 use crate::error::Result;
 use crate::kernels::FULL_PHASES;
-use crate::simd::Activation;
-use crate::simd::dense::{Dense, SEGMENT};
-use crate::simd::lanes::Lanes;
+use crate::layers::Activation;
+use crate::layers::{Dense, SEGMENT};
+use crate::simd::Simd;
 
 /// Queries of a kernel over one image: what to multiply a tap's key by, and its square (`QUERIES` in `training/network/model.py`).
 const QUERIES: usize = 2;
@@ -154,24 +154,24 @@ impl Head {
     /// Logits of the segment at row `y`, columns `x`… of the head's resolution; `features` and `pairs` cover the region.
     #[inline(always)]
     #[allow(clippy::too_many_arguments)]
-    pub fn predict<L: Lanes>(&self, l: L, features: &Activation, pairs: Pairs, y: usize, x: usize, out: &mut Logits) {
+    pub fn predict<S: Simd>(&self, s: S, features: &Activation, pairs: Pairs, y: usize, x: usize, out: &mut Logits) {
         let row = Row { values: features.row(y), start: 0, columns: features.columns() };
-        segment_of(l, row, self.width, x, true, &mut out.x);
-        self.centre.run(l, &out.x, None, false, &mut out.centre);
+        segment_of(s, row, self.width, x, true, &mut out.x);
+        self.centre.run(s, &out.x, None, false, &mut out.centre);
         if pairs.is_empty() {
             return;
         }
-        self.pair_centre.run(l, &out.x, None, false, &mut out.base);
+        self.pair_centre.run(s, &out.x, None, false, &mut out.base);
         for (n, logits) in out.pairs.iter_mut().enumerate() {
             let joined = match pairs {
                 Pairs::Half(neighbours, region) => {
-                    gather(l, neighbours[n], region, y, x, &mut out.joined);
+                    gather(s, neighbours[n], region, y, x, &mut out.joined);
                     &out.joined
                 }
                 Pairs::Coarser(gathered) => gathered.segment(y, x, n),
             };
-            self.pair_neighbour.run(l, joined, Some(&out.base), true, &mut out.hidden);
-            self.pair.run(l, &out.hidden, None, false, logits);
+            self.pair_neighbour.run(s, joined, Some(&out.base), true, &mut out.hidden);
+            self.pair.run(s, &out.hidden, None, false, logits);
         }
     }
 }

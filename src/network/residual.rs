@@ -2,7 +2,8 @@
 
 use super::weights::Weights;
 use crate::error::Result;
-use crate::simd::{Activation, Conv, Epilogue, Isa, Winograd};
+use crate::layers::{Activation, Conv, Epilogue, Winograd};
+use crate::simd::Isa;
 
 /// A 3×3 convolution of a block.
 enum Layer {

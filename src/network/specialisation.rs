@@ -4,8 +4,8 @@ use ndarray::{Array1, Array2, Array4, Axis};
 
 use super::weights::Weights;
 use crate::error::Result;
+use crate::layers::Conv;
 use crate::rules::window::LAMBDA_RANGE;
-use crate::simd::Conv;
 
 /// A 1×1 layer whose output λ scales and shifts; both fold into the layer's weights.
 pub struct Specialised {

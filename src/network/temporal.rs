@@ -10,9 +10,11 @@ use super::pairs::{Neighbour, features_of, gather};
 use super::warp::EXTRAS;
 use super::weights::Weights;
 use crate::error::Result;
-use crate::simd::dense::{Dense, SEGMENT};
-use crate::simd::lanes::{Lanes, dispatch};
-use crate::simd::{Activation, Isa};
+use crate::layers::Activation;
+use crate::layers::{Dense, SEGMENT};
+use crate::memory::BufferPool;
+use crate::simd::Isa;
+use crate::simd::{Simd, dispatch};
 use crate::tiles::Rect;
 
 /// Three 1×1 layers.
@@ -44,10 +46,18 @@ impl Temporal {
     }
 
     /// The body's input over `region`, of even size, from the centre's features over the whole frame; and what the neighbours are at
-    /// quarter resolution.
-    pub fn run(&self, isa: Isa, centre: &Features, neighbours: &[Neighbour], region: Rect, out: &mut Activation) -> Gathered {
+    /// quarter resolution. Both in memory from `pool`.
+    pub fn run(
+        &self,
+        isa: Isa,
+        centre: &Features,
+        neighbours: &[Neighbour],
+        region: Rect,
+        pool: &BufferPool,
+    ) -> (Activation, Gathered) {
+        let mut out = Activation::in_pool(pool);
         out.reset(region.rows, region.columns, self.width);
-        let mut quarter = Gathered::new(region.rows / 2, region.columns / 2, neighbours.len(), self.features);
+        let mut quarter = Gathered::new(region.rows / 2, region.columns / 2, neighbours.len(), self.features, pool);
         let rows = out.as_mut_slice().par_chunks_mut(2 * region.columns * self.width).enumerate();
         if neighbours.is_empty() {
             rows.for_each(|(y, rows)| temporal_rows(isa, self, centre, neighbours, region, y, rows, &mut []));
@@ -55,15 +65,15 @@ impl Temporal {
             rows.zip(quarter.rows_mut())
                 .for_each(|((y, rows), quarter)| temporal_rows(isa, self, centre, neighbours, region, y, rows, quarter));
         }
-        quarter
+        (out, quarter)
     }
 }
 
 /// Two rows of the region, 2·`y` and the next, and row `y` of the neighbours at quarter resolution.
 #[inline(always)]
 #[allow(clippy::too_many_arguments)]
-fn rows_body<L: Lanes>(
-    l: L,
+fn rows_body<S: Simd>(
+    s: S,
     layers: &Temporal,
     centre: &Features,
     neighbours: &[Neighbour],
@@ -81,14 +91,14 @@ fn rows_body<L: Lanes>(
     let mut mixed = vec![0.0; layers.mix.output_len()];
     for x in (0..region.columns).step_by(SEGMENT) {
         for (dy, out) in out.chunks_exact_mut(region.columns * width).enumerate() {
-            features_of(l, centre, region, 2 * y + dy, x, &mut joined);
-            layers.centre.run(l, &joined, None, false, &mut base);
+            features_of(s, centre, region, 2 * y + dy, x, &mut joined);
+            layers.centre.run(s, &joined, None, false, &mut base);
             joined[features * SEGMENT..].fill(0.0);
             let mut trust = [1.0f32; SEGMENT];
             for (n, neighbour) in neighbours.iter().enumerate() {
                 let pair = &mut pairs[(2 * n + dy) * size..][..size];
-                gather(l, *neighbour, region, 2 * y + dy, x, pair);
-                layers.neighbour.run(l, pair, Some(&base), true, &mut each);
+                gather(s, *neighbour, region, 2 * y + dy, x, pair);
+                layers.neighbour.run(s, pair, Some(&base), true, &mut each);
                 let share = &pair[features * SEGMENT..][..SEGMENT];
                 for (sum, value) in joined[features * SEGMENT..].chunks_exact_mut(SEGMENT).zip(each.chunks_exact(SEGMENT)) {
                     for p in 0..SEGMENT {
@@ -102,8 +112,8 @@ fn rows_body<L: Lanes>(
                     sum[p] /= trust[p];
                 }
             }
-            layers.mix.run(l, &joined, None, false, &mut mixed);
-            put(l, &mixed, width, x, region.columns, out);
+            layers.mix.run(s, &joined, None, false, &mut mixed);
+            put(s, &mixed, width, x, region.columns, out);
         }
         for n in 0..neighbours.len() {
             let (upper, lower) = pairs[2 * n * size..][..2 * size].split_at(size);
@@ -115,16 +125,16 @@ fn rows_body<L: Lanes>(
 
 /// Writes a segment's [channel][32] to a row of (columns, width), as far as the row goes.
 #[inline(always)]
-fn put<L: Lanes>(l: L, mixed: &[f32], width: usize, x: usize, columns: usize, out: &mut [f32]) {
+fn put<S: Simd>(s: S, mixed: &[f32], width: usize, x: usize, columns: usize, out: &mut [f32]) {
     for part in (0..SEGMENT).step_by(16) {
         for first in (0..width).step_by(16) {
-            let mut block = [l.splat(0.0); 16];
+            let mut block = [s.splat(0.0); 16];
             for (c, channel) in block.iter_mut().enumerate() {
-                *channel = l.load(mixed, (first + c) * SEGMENT + part);
+                *channel = s.load(mixed, (first + c) * SEGMENT + part);
             }
             let inside = columns.saturating_sub(x + part);
-            for (p, pixel) in l.transpose(block).into_iter().enumerate().take(inside) {
-                l.store(pixel, out, (x + part + p) * width + first);
+            for (p, pixel) in s.transpose(block).into_iter().enumerate().take(inside) {
+                s.store(pixel, out, (x + part + p) * width + first);
             }
         }
     }
@@ -134,7 +144,7 @@ dispatch! {
     fn temporal_rows(
         layers: &Temporal,
         centre: &Features,
-        neighbours: &[Neighbour],
+        neighbours: &[Neighbour<'_>],
         region: Rect,
         y: usize,
         out: &mut [f32],

@@ -6,8 +6,11 @@ use crate::frame::packed::{DEPTH, INVALID, MODULATION, PackedFrame};
 use crate::kernels::keys;
 use crate::kernels::planes::Planes;
 use crate::kernels::{Channels, FULL_PHASES};
-use crate::simd::lanes::{Lanes, dispatch, ln_1p_body};
-use crate::simd::{Activation, Isa};
+use crate::layers::Activation;
+use crate::memory::BufferPool;
+use crate::simd::Isa;
+use crate::simd::math::ln_1p_each;
+use crate::simd::{Simd, dispatch};
 use crate::tiles::Rect;
 
 /// A way back that misses its start by this many pixels is as bad as any.
@@ -126,7 +129,7 @@ impl Corners {
 const BLOCK: usize = 64;
 
 /// Warps the last frame of `frames` (centre first, one a step) to the centre frame over `region`. `offset` is the neighbour's;
-/// `still` says that all their vectors are zero.
+/// `still` says that all their vectors are zero. Memory comes from `pool`.
 ///
 /// The planes are at full resolution, four phases a channel: values, trust, keys, modulation (see [`Channels`]).
 pub fn warp(
@@ -136,12 +139,13 @@ pub fn warp(
     region: Rect,
     channels: &Channels,
     margin: usize,
+    pool: &BufferPool,
 ) -> (Planes, Warped) {
     let (rows, columns, groups) = (frames[0].padded_rows, frames[0].padded_columns, channels.groups());
     let path = Path { frames, sign: if offset > 0 { 1.0 } else { -1.0 }, rows, columns, still, groups };
-    let mut planes = Planes::new(channels.full() * FULL_PHASES, region.rows, region.columns, margin);
+    let mut planes = Planes::new(channels.full() * FULL_PHASES, region.rows, region.columns, margin, pool);
     let mut corners = vec![Corners { index: 0, fraction: [0.0; 2] }; region.area()];
-    let mut extras = Activation::empty();
+    let mut extras = Activation::in_pool(pool);
     extras.reset(region.rows, region.columns, EXTRAS);
     let distance = offset.unsigned_abs() as f32 / 2.0;
     let rows_of_corners = corners.par_chunks_mut(region.columns);
@@ -197,8 +201,8 @@ pub fn any_trusted(frames: &[&PackedFrame], (offset, still): (i32, bool)) -> boo
 
 /// One full-resolution row: warped pixels of every group, the maps, and (from even rows) where the features are sampled.
 #[inline(always)]
-fn warp_row_body<L: Lanes>(
-    l: L,
+fn warp_row_body<S: Simd>(
+    s: S,
     path: &Path,
     region: Rect,
     y: usize,
@@ -243,19 +247,26 @@ fn warp_row_body<L: Lanes>(
             half_corners[i / 2] = Corners::new(column, row, path.rows / 2, path.columns / 2);
         }
     }
-    ln_1p_body(l, &mut depths);
+    ln_1p_each(s, &mut depths);
     for (i, map) in maps.iter_mut().enumerate() {
         map[4] = (depths[i] - depths[width + i]).abs().min(1.0) * map[0];
     }
 }
 
 dispatch! {
-    fn warp_row(path: &Path, region: Rect, y: usize, pixels: &mut [[f32; 8]], maps: &mut [[f32; EXTRAS]], half_corners: &mut [Corners]) = warp_row_body
+    fn warp_row(path: &Path<'_>, region: Rect, y: usize, pixels: &mut [[f32; 8]], maps: &mut [[f32; EXTRAS]], half_corners: &mut [Corners]) = warp_row_body
 }
 
-/// The centre frame's own planes over a region, in the layout of [`warp`]'s planes.
-pub fn centre_planes(isa: Isa, frame: &PackedFrame, region: Rect, channels: &Channels, margin: usize) -> Planes {
-    let mut planes = Planes::new(channels.full() * FULL_PHASES, region.rows, region.columns, margin);
+/// The centre frame's own planes over a region, in the layout of [`warp`]'s planes and memory from `pool`.
+pub fn centre_planes(
+    isa: Isa,
+    frame: &PackedFrame,
+    region: Rect,
+    channels: &Channels,
+    margin: usize,
+    pool: &BufferPool,
+) -> Planes {
+    let mut planes = Planes::new(channels.full() * FULL_PHASES, region.rows, region.columns, margin, pool);
     planes.rows_mut().enumerate().for_each(|(y, mut row)| {
         for x in (0..region.columns).step_by(BLOCK) {
             let end = (x + BLOCK).min(region.columns);
@@ -285,10 +296,11 @@ mod tests {
     #[test]
     fn a_point_is_looked_for_where_its_vectors_say() {
         let (rows, columns) = (24, 32);
+        let pool = BufferPool::default();
         let pack = |colour: Array3<f32>, vector: [f32; 4]| {
             let mut frame = Frame::new(colour);
             frame.vector = Some(Array3::from_shape_fn((rows, columns, 4), |(_, _, c)| vector[c]));
-            PackedFrame::new(&frame.view(), 0.05).unwrap()
+            PackedFrame::new(&frame.view(), 0.05, &pool).unwrap()
         };
         let ramp = Array3::from_shape_fn((rows, columns, 3), |(y, x, c)| [1.0 + x as f32, 1.0 + y as f32, 1.0][c]);
         let (region, channels) = (Rect { row: 0, column: 0, rows: rows / 2, columns: columns / 2 }, Channels::new(0, false));
@@ -299,7 +311,7 @@ mod tests {
             (1, [100.0, 100.0, -6.0, -4.0], (6, -4)),
         ] {
             let (centre, neighbour) = (pack(Array3::ones((rows, columns, 3)), vector), pack(ramp.clone(), [0.0; 4]));
-            let (planes, warped) = warp(Isa::detect(), &[&centre, &neighbour], (offset, false), region, &channels, 1);
+            let (planes, warped) = warp(Isa::detect(), &[&centre, &neighbour], (offset, false), region, &channels, 1, &pool);
             assert!(warped.trusted && !warped.still);
             let mut seen = 0;
             for (y, x) in (0..rows as i32).flat_map(|y| (0..columns as i32).map(move |x| (y, x))) {

@@ -11,7 +11,7 @@ pub use super::model_id::EMBEDDED;
 use super::model_id::ModelId;
 use super::renderers;
 use crate::error::{Error, Result};
-use crate::simd::{Conv, Winograd};
+use crate::layers::{Conv, Winograd};
 
 /// The description of architectures that this build reads.
 const VERSION: u32 = 2;

@@ -13,7 +13,6 @@ use super::arrays::{Given, Out, Passes, color_of, to_numpy};
 use super::settings::{check_lam, check_window, engine};
 use crate::engine::{EncodedFrame, Engine};
 use crate::error::Result;
-use crate::simd::release_memory;
 
 /// The engine with the default settings, made at the first call.
 static DEFAULT: OnceLock<Engine> = OnceLock::new();
@@ -81,7 +80,7 @@ pub fn denoise<'py>(
     let shape = [frame.size().0, frame.size().1, channels];
     let work = move || -> Result<Array3<f32>> {
         let denoised = engine.denoise(&engine.encode_view(&frame)?, &[], lam);
-        release_memory();
+        engine.release_memory();
         Ok(color_of(denoised?).0)
     };
     match out {
@@ -245,7 +244,8 @@ impl Denoiser {
         let ready = py.detach(|| {
             let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
             let ready = state.advance(&self.engine, self.window, 0);
-            state.clear();
+            (state.slots, state.done) = (VecDeque::new(), 0);
+            self.engine.release_memory();
             ready
         });
         to_python(py, ready?)
@@ -261,18 +261,7 @@ impl Denoiser {
     }
 }
 
-impl Drop for Denoiser {
-    fn drop(&mut self) {
-        self.state.get_mut().unwrap_or_else(PoisonError::into_inner).clear();
-    }
-}
-
 impl State {
-    fn clear(&mut self) {
-        (self.slots, self.done) = (VecDeque::new(), 0);
-        release_memory();
-    }
-
     /// Denoises the frames that at least `ahead` frames follow, and lets go of those that help no more.
     fn advance(&mut self, engine: &Engine, window: usize, ahead: usize) -> Result<Vec<Ready>> {
         let mut ready = Vec::new();

@@ -14,7 +14,6 @@ use super::settings::{check_lam, check_window};
 use crate::error::Error;
 use crate::preview::{Flicker, LayerPreview, Preview, Region, Request, SheetOptions, Variant, preview as make, write_sheet};
 use crate::shot::CancelToken;
-use crate::simd::release_memory;
 
 /// The first layer of a preview by its first setting; `options` are the keywords of `hush.preview`.
 #[pyfunction]
@@ -133,7 +132,6 @@ fn made(py: Python<'_>, options: &Bound<'_, PyDict>, calls: Calls) -> PyResult<P
     let (made, calls) = py.detach(move || {
         calls.step(0.0);
         let made = make((&job.sequence, &job.selection()), &request, &engine, &|fraction| calls.step(fraction), &calls.token);
-        release_memory();
         (made, calls)
     });
     match calls.failed.into_inner().unwrap_or_else(PoisonError::into_inner) {

@@ -15,7 +15,6 @@ use super::job::Keywords;
 use crate::engine::Engine;
 use crate::error::Result;
 use crate::shot::{self, CancelToken, Event, Job, Plan, Scope, Summary, run, survey};
-use crate::simd::release_memory;
 
 /// How often `cancel` and signals are looked at.
 const POLL: Duration = Duration::from_millis(50);
@@ -108,7 +107,6 @@ fn run_beside(job: &Job, engine: &Engine, calls: Calls) -> (Result<Summary>, Opt
         });
         let failed = calls.serve(&events, &seen_in);
         let summary = worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-        release_memory();
         (summary, failed)
     })
 }

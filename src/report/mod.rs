@@ -18,12 +18,7 @@ mod record;
 mod soundness;
 mod statistics;
 
-pub use candidates::{Candidate, CandidateKind, Method};
-pub use crops::{CropSet, Picture};
 pub use files::{PAGE, prepare, write};
 pub use judge::REACH;
-pub use machine::Machine;
-pub use measure::{FRAMES, MeasureOptions, Measured, measure};
+pub use measure::{MeasureOptions, Measured, measure};
 pub use oidn::Oidn;
-pub use record::{Basis, EstimateCheck, EstimateNote, FrameErrors, Report, SettingRow};
-pub use statistics::{Spread, pareto};

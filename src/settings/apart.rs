@@ -82,13 +82,13 @@ pub fn answer(stage: &StageRef) -> impl Serialize {
 
 #[cfg(unix)]
 fn limit() {
-    let to = |most: u64| libc::rlimit { rlim_cur: most as libc::rlim_t, rlim_max: most as libc::rlim_t };
-    // SAFETY: plain system calls on this process; the structs outlive them. A refusal leaves things as they are.
-    unsafe {
-        libc::setrlimit(libc::RLIMIT_AS, &to(MEMORY));
-        libc::setrlimit(libc::RLIMIT_CORE, &to(0));
-        libc::alarm(SECONDS);
+    use rustix::process::{Resource, Rlimit, setrlimit};
+    for (resource, most) in [(Resource::As, MEMORY), (Resource::Core, 0)] {
+        // A refusal leaves things as they are.
+        let _ = setrlimit(resource, Rlimit { current: Some(most), maximum: Some(most) });
     }
+    // SAFETY: a plain number; the signal's default is to end the process.
+    unsafe { libc::alarm(SECONDS) };
 }
 
 #[cfg(not(unix))]

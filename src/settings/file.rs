@@ -117,7 +117,7 @@ mod tests {
             ("layers = 3", ["layers = 3", "a name or a list of names"]),
             ("guides = [\"colour\"]", ["guides", "albedo, normal, depth, vector"]),
             ("memory = \"much\"", ["memory", "no size"]),
-            ("passes = 3", ["passes", "no table"]),
+            ("passes = 3", ["passes = 3", "a table of names"]),
             ("usd = 3", ["usd", "no file name"]),
             ("lambda 4", ["hush.toml", "line 1"]),
         ] {

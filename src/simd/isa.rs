@@ -1,62 +1,103 @@
-//! Which instructions the convolutions may use.
+//! Which instruction sets there are, which of them this CPU has, and how a loop gets to run on one.
 
 use std::sync::OnceLock;
 
-/// An instruction set, from the slowest to the fastest.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Isa {
+use super::vector::{Simd, SimdOp};
+
+/// The one table of back ends, slowest first: variant, the name that `HUSH_SIMD` understands, token, where it can be compiled.
+macro_rules! back_ends {
+    ($($(#[$doc:meta])+ $variant:ident = $name:literal: $token:path, $cfg:meta;)+) => {
+        /// An instruction set, from the slowest to the fastest.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        pub enum Isa {
+            $($(#[$doc])+ $variant,)+
+        }
+
+        impl Isa {
+            const ALL: &[Self] = &[$(Self::$variant),+];
+
+            /// The name that `HUSH_SIMD` understands.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $name,)+
+                }
+            }
+
+            fn is_available(self) -> bool {
+                match self {
+                    $(#[cfg($cfg)] Self::$variant => <$token>::detect().is_some(),)+
+                    #[allow(unreachable_patterns, reason = "on a target that every back end is for")]
+                    _ => false,
+                }
+            }
+
+            /// Runs `op` on this instruction set, or on the CPU's best where it lacks this one.
+            pub fn run<Op: SimdOp>(self, op: Op) -> Op::Output {
+                match self.min(Self::best()) {
+                    $(#[cfg($cfg)] Self::$variant => if let Some(simd) = <$token>::detect() { return simd.run(op) },)+
+                    #[allow(unreachable_patterns, reason = "on a target that every back end is for")]
+                    _ => {}
+                }
+                super::portable::Portable.run(op)
+            }
+        }
+    };
+}
+
+back_ends! {
     /// Plain Rust that the compiler vectorises for the target: NEON on aarch64, SSE2 on x86-64.
-    Portable,
-    /// AVX2 and FMA, 8 lanes.
-    Avx2,
-    /// AVX-512F, 16 lanes.
-    Avx512,
+    Portable = "portable": super::portable::Portable, all();
+    /// AVX2, FMA and F16C.
+    Avx2 = "avx2": super::avx2::Avx2, target_arch = "x86_64";
+    /// AVX-512F.
+    Avx512 = "avx512": super::avx512::Avx512, target_arch = "x86_64";
 }
 
 impl Isa {
-    /// The fastest level of this CPU, or what `HUSH_SIMD` (`avx512`, `avx2` or `portable`) lowers it to. A level that the CPU
+    /// The fastest instruction set of this CPU, or what `HUSH_SIMD` (`avx512`, `avx2` or `portable`) lowers it to. One that the CPU
     /// lacks, or another word, is ignored. Read once.
     pub fn detect() -> Self {
         static CHOSEN: OnceLock<Isa> = OnceLock::new();
         *CHOSEN.get_or_init(|| Self::lowered(Self::best(), std::env::var("HUSH_SIMD").ok().as_deref()))
     }
 
-    /// Every level that this CPU can run, slowest first.
+    /// Every instruction set that this CPU has, slowest first.
     pub fn available() -> Vec<Self> {
-        [Self::Portable, Self::Avx2, Self::Avx512].into_iter().filter(|isa| *isa <= Self::best()).collect()
-    }
-
-    /// The name that `HUSH_SIMD` understands.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Portable => "portable",
-            Self::Avx2 => "avx2",
-            Self::Avx512 => "avx512",
-        }
-    }
-
-    /// This level, or the CPU's best where it lacks this one.
-    pub(super) fn supported(self) -> Self {
-        self.min(Self::best())
+        Self::ALL.iter().copied().filter(|isa| isa.is_available()).collect()
     }
 
     fn best() -> Self {
-        #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
-            return if is_x86_feature_detected!("avx512f") { Self::Avx512 } else { Self::Avx2 };
-        }
-        Self::Portable
+        Self::ALL.iter().rev().copied().find(|isa| isa.is_available()).unwrap_or(Self::Portable)
     }
 
     fn lowered(best: Self, wish: Option<&str>) -> Self {
         let wish = wish.map(|word| word.trim().to_ascii_lowercase());
-        [Self::Portable, Self::Avx2, Self::Avx512]
-            .into_iter()
-            .find(|isa| Some(isa.name()) == wish.as_deref())
-            .unwrap_or(best)
-            .min(best)
+        Self::ALL.iter().copied().find(|isa| Some(isa.name()) == wish.as_deref()).unwrap_or(best).min(best)
     }
 }
+
+/// Defines `fn name(isa: Isa, args…)` that runs the generic `body::<S: Simd>(simd, args…)` compiled for the instruction set.
+///
+/// `body` must be `#[inline(always)]`.
+macro_rules! dispatch {
+    ($(#[$meta:meta])* $vis:vis fn $name:ident($($arg:ident: $ty:ty),* $(,)?) = $body:ident) => {
+        $(#[$meta])*
+        #[allow(clippy::too_many_arguments, reason = "those of the loop and the instruction set")]
+        $vis fn $name(isa: $crate::simd::Isa, $($arg: $ty),*) {
+            struct Call<Args>(Args);
+            impl $crate::simd::SimdOp for Call<($($ty,)*)> {
+                type Output = ();
+                #[inline(always)]
+                fn run<S: $crate::simd::Simd>(self, simd: S) {
+                    let ($($arg,)*) = self.0;
+                    $body(simd, $($arg),*)
+                }
+            }
+            isa.run(Call(($($arg,)*)))
+        }
+    };
+}
+pub(crate) use dispatch;
 
 #[cfg(test)]
 mod tests {

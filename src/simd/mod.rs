@@ -1,28 +1,38 @@
-//! f32 convolutions on the CPU, the engine room: the same bits for any number of threads and any split into rows.
+//! Sixteen f32 lanes on every instruction set: a loop is written once, over [`Simd`], and runs on what the CPU has.
 //!
-//! [`Conv`] holds packed weights and runs on an [`Activation`] with the instruction set that [`Isa`] picks at run time.
-//! One generic kernel (`kernel`) serves every instruction set through the `Vector` trait (`vector`); `tile` cuts the work up
-//! for it and `pack` lays a tile's input out, with padding, ReLU, concatenation and up-sampling done on the way. [`Winograd`] does the
-//! 3×3 layers of the residual blocks with less than half the products.
+//! A value of a back end's type is a token: it exists only where the CPU has the back end's instructions, so every operation is
+//! safe to call. [`Isa`] detects them, and [`Isa::run`] is the one place where a token is made and a loop, a [`SimdOp`], is entered
+//! compiled for its instructions; `dispatch!` writes the `SimdOp` of a plain function.
+//!
+//! All operations round alike on AVX-512 and AVX2. The portable path has no fused multiply-add unless the target has, and agrees to
+//! a few units in the last place. `conformance` holds every back end to that.
+//!
+//! # Adding an instruction set
+//! One file like `avx2.rs`: a token type and its `impl Simd`, whose `detect` makes the token only where the CPU has the instructions.
+//! Then one line in the table of `isa.rs`, as `Neon = "neon": super::neon::Neon, target_arch = "aarch64";` (with
+//! `V = [float32x4_t; 4]` and `REGISTERS = 8`), and the module here. The conformance suites of this room and of `layers` run it from
+//! then on.
+//!
+//! # Adding an element type
+//! One file like `element.rs` holds: `impl Element` with a `load` that widens to f32 lanes. Where a back end has an instruction for
+//! it, the load is an operation of [`Simd`] that widens lane by lane unless a back end does better (see [`Simd::load_f16`]); so would
+//! be a dot product of bf16 or int8.
 
-mod activation;
-pub(crate) mod buffer;
-mod conv;
-pub mod dense;
+mod element;
 mod isa;
-mod kernel;
-pub mod lanes;
-mod pack;
-mod tile;
+pub mod math;
+mod portable;
 mod vector;
-mod winograd;
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod conformance;
 
-pub use activation::Activation;
-pub use buffer::{keep_at_most, release_memory};
-pub use conv::{Conv, Epilogue};
+pub use element::Element;
 pub use isa::Isa;
-pub use pack::Source;
-pub use winograd::Winograd;
+pub(crate) use isa::dispatch;
+pub use vector::{LANES, Simd, SimdOp};

@@ -1,262 +1,114 @@
-//! The few vector operations of the kernel, once per instruction set.
-//!
-//! Every function is inlined into a caller that has the instruction set enabled (`kernel`); none may be called otherwise.
+//! What every instruction set can do with sixteen f32 lanes.
 
-/// Some lanes of f32.
+use half::f16;
+
+/// Lanes of every vector.
+pub const LANES: usize = 16;
+/// The bits of √½, where [`Simd::split`] parts mantissas.
+pub(super) const SQRT_HALF: i32 = 0x3f35_04f3;
+
+/// The token of an instruction set: proof that the CPU has it, and the operations on its vectors.
 ///
-/// # Safety
-/// All functions need the CPU to have the instruction set; pointers need LANES (or `count`) valid floats, in any alignment.
-pub(super) trait Vector: Copy {
-    const LANES: usize;
-    unsafe fn load(from: *const f32) -> Self;
-    unsafe fn store(self, to: *mut f32);
-    /// The first `count` ≤ LANES lanes, the others zero.
-    unsafe fn load_first(from: *const f32, count: usize) -> Self;
-    unsafe fn store_first(self, to: *mut f32, count: usize);
-    /// One float in every lane.
-    unsafe fn broadcast(from: *const f32) -> Self;
-    /// self + a · b, rounded once where the target can.
-    unsafe fn fma(self, a: Self, b: Self) -> Self;
-    unsafe fn add(self, other: Self) -> Self;
-    unsafe fn sub(self, other: Self) -> Self;
-    /// Fetches the cache line of an address that need not be valid.
-    unsafe fn prefetch(at: *const f32);
-    /// self where it is above zero, else +0 (NaN too).
-    unsafe fn relu(self) -> Self;
-}
+/// Every function is `#[inline(always)]`, so that it becomes part of the loop that [`Simd::run`] entered.
+pub trait Simd: Copy + Send + Sync + 'static {
+    /// Sixteen f32.
+    type V: Copy;
+    /// How many V the registers hold: what sizes the register tiles.
+    const REGISTERS: usize;
 
-/// Plain Rust in the shape that compilers vectorise: a local array per accumulator.
-#[derive(Clone, Copy)]
-pub(super) struct Portable([f32; 8]);
+    /// The token, where the CPU has the instructions.
+    fn detect() -> Option<Self>;
+    /// Runs `op` compiled for these instructions.
+    fn run<Op: SimdOp>(self, op: Op) -> Op::Output;
 
-impl Vector for Portable {
-    const LANES: usize = 8;
+    /// x in every lane.
+    fn splat(self, x: f32) -> Self::V;
+    /// Sixteen floats from `from[at..]`; panics if they are not there.
+    fn load(self, from: &[f32], at: usize) -> Self::V;
+    /// Writes sixteen floats to `to[at..]`; panics if there is no room.
+    fn store(self, v: Self::V, to: &mut [f32], at: usize);
+    /// a + b.
+    fn add(self, a: Self::V, b: Self::V) -> Self::V;
+    /// a − b.
+    fn sub(self, a: Self::V, b: Self::V) -> Self::V;
+    /// a · b.
+    fn mul(self, a: Self::V, b: Self::V) -> Self::V;
+    /// a / b.
+    fn div(self, a: Self::V, b: Self::V) -> Self::V;
+    /// a·b + c, rounded once where the instruction set can.
+    fn fma(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V;
+    /// a where a > b, else b: also where one is NaN, and for two zeros.
+    fn max(self, a: Self::V, b: Self::V) -> Self::V;
+    /// a where a < b, else b: also where one is NaN, and for two zeros.
+    fn min(self, a: Self::V, b: Self::V) -> Self::V;
+    /// a where x > 0, else +0.
+    fn where_positive(self, x: Self::V, a: Self::V) -> Self::V;
+    /// v·2ⁿ for integral n in −126…127.
+    fn scale2(self, v: Self::V, n: Self::V) -> Self::V;
+    /// The nearest integer, ties to even, for v in −2²²…2²².
+    fn round(self, v: Self::V) -> Self::V;
+    /// m in √½…√2 and e with v = m·2ᵉ, for positive normal v.
+    fn split(self, v: Self::V) -> (Self::V, Self::V);
+    /// Rows to columns.
+    fn transpose(self, rows: [Self::V; LANES]) -> [Self::V; LANES];
 
+    /// Sixteen half floats from `from[at..]`, widened; panics if they are not there.
     #[inline(always)]
-    unsafe fn load(from: *const f32) -> Self {
-        // SAFETY: the caller vouches for 8 floats.
-        Self(unsafe { from.cast::<[f32; 8]>().read_unaligned() })
-    }
-
-    #[inline(always)]
-    unsafe fn store(self, to: *mut f32) {
-        // SAFETY: the caller vouches for 8 floats.
-        unsafe { to.cast::<[f32; 8]>().write_unaligned(self.0) }
-    }
-
-    #[inline(always)]
-    unsafe fn load_first(from: *const f32, count: usize) -> Self {
-        let mut lanes = [0.0; 8];
-        // SAFETY: the caller vouches for `count` ≤ 8 floats.
-        unsafe { std::ptr::copy_nonoverlapping(from, lanes.as_mut_ptr(), count) };
-        Self(lanes)
-    }
-
-    #[inline(always)]
-    unsafe fn store_first(self, to: *mut f32, count: usize) {
-        // SAFETY: the caller vouches for `count` ≤ 8 floats.
-        unsafe { std::ptr::copy_nonoverlapping(self.0.as_ptr(), to, count) }
-    }
-
-    #[inline(always)]
-    unsafe fn broadcast(from: *const f32) -> Self {
-        // SAFETY: the caller vouches for one float.
-        Self([unsafe { *from }; 8])
-    }
-
-    #[inline(always)]
-    unsafe fn fma(self, a: Self, b: Self) -> Self {
-        // Without the instruction mul_add is a library call per lane, so two roundings have to do.
-        const FUSED: bool = cfg!(any(target_arch = "aarch64", target_feature = "fma"));
-        let mut sum = self.0;
-        for (lane, sum) in sum.iter_mut().enumerate() {
-            *sum = if FUSED { a.0[lane].mul_add(b.0[lane], *sum) } else { *sum + a.0[lane] * b.0[lane] };
+    fn load_f16(self, from: &[f16], at: usize) -> Self::V {
+        let mut wide = [0.0; LANES];
+        for (to, from) in wide.iter_mut().zip(&from[at..at + LANES]) {
+            *to = from.to_f32();
         }
-        Self(sum)
+        self.load(&wide, 0)
     }
 
+    /// [`Simd::load`] without its check, for loops that made sure of all of it beforehand.
+    ///
+    /// # Safety
+    /// `from[at..]` holds sixteen floats.
     #[inline(always)]
-    unsafe fn add(self, other: Self) -> Self {
-        let mut sum = self.0;
-        sum.iter_mut().zip(other.0).for_each(|(sum, other)| *sum += other);
-        Self(sum)
+    unsafe fn load_unchecked(self, from: &[f32], at: usize) -> Self::V {
+        // SAFETY: the caller's promise.
+        self.load(unsafe { from.get_unchecked(at..at + LANES) }, 0)
     }
 
+    /// [`Simd::store`] without its check, for loops that made sure of all of it beforehand.
+    ///
+    /// # Safety
+    /// `to[at..]` has room for sixteen floats.
     #[inline(always)]
-    unsafe fn sub(self, other: Self) -> Self {
-        let mut sum = self.0;
-        sum.iter_mut().zip(other.0).for_each(|(sum, other)| *sum -= other);
-        Self(sum)
+    unsafe fn store_unchecked(self, v: Self::V, to: &mut [f32], at: usize) {
+        // SAFETY: the caller's promise.
+        self.store(v, unsafe { to.get_unchecked_mut(at..at + LANES) }, 0);
     }
 
+    /// Fetches the cache line at an address, which need not be valid.
     #[inline(always)]
-    unsafe fn prefetch(_at: *const f32) {}
+    fn prefetch(self, _at: *const f32) {}
 
+    /// v where it is above zero, else +0 (NaN too).
     #[inline(always)]
-    unsafe fn relu(self) -> Self {
-        Self(self.0.map(|v| if v > 0.0 { v } else { 0.0 }))
+    fn relu(self, v: Self::V) -> Self::V {
+        self.max(v, self.splat(0.0))
     }
 }
 
-#[cfg(target_arch = "x86_64")]
-pub(super) use x86::{Avx2, Avx512};
+/// A loop that is compiled once for each instruction set.
+pub trait SimdOp {
+    /// What it gives back.
+    type Output;
+    /// The loop; must be `#[inline(always)]`, lest it be compiled without the instructions.
+    fn run<S: Simd>(self, simd: S) -> Self::Output;
+}
 
-#[cfg(target_arch = "x86_64")]
-mod x86 {
-    use core::arch::x86_64::*;
+/// Sixteen floats of a slice as an array.
+#[inline(always)]
+pub(super) fn sixteen(from: &[f32], at: usize) -> &[f32; LANES] {
+    from[at..at + LANES].try_into().expect("a slice of sixteen")
+}
 
-    use super::Vector;
-
-    /// 16 lanes, AVX-512F.
-    #[derive(Clone, Copy)]
-    pub struct Avx512(__m512);
-
-    impl Avx512 {
-        #[inline(always)]
-        fn mask(count: usize) -> __mmask16 {
-            ((1u32 << count) - 1) as __mmask16
-        }
-    }
-
-    // SAFETY of every block below: the caller vouches for AVX-512F and for the floats behind the pointers.
-    impl Vector for Avx512 {
-        const LANES: usize = 16;
-
-        #[inline(always)]
-        unsafe fn load(from: *const f32) -> Self {
-            // SAFETY: above.
-            Self(unsafe { _mm512_loadu_ps(from) })
-        }
-
-        #[inline(always)]
-        unsafe fn store(self, to: *mut f32) {
-            // SAFETY: above.
-            unsafe { _mm512_storeu_ps(to, self.0) }
-        }
-
-        #[inline(always)]
-        unsafe fn load_first(from: *const f32, count: usize) -> Self {
-            // SAFETY: above; lanes outside the mask are not read.
-            Self(unsafe { _mm512_maskz_loadu_ps(Self::mask(count), from) })
-        }
-
-        #[inline(always)]
-        unsafe fn store_first(self, to: *mut f32, count: usize) {
-            // SAFETY: above; lanes outside the mask are not written.
-            unsafe { _mm512_mask_storeu_ps(to, Self::mask(count), self.0) }
-        }
-
-        #[inline(always)]
-        unsafe fn broadcast(from: *const f32) -> Self {
-            // SAFETY: above.
-            Self(unsafe { _mm512_set1_ps(*from) })
-        }
-
-        #[inline(always)]
-        unsafe fn fma(self, a: Self, b: Self) -> Self {
-            // SAFETY: above.
-            Self(unsafe { _mm512_fmadd_ps(a.0, b.0, self.0) })
-        }
-
-        #[inline(always)]
-        unsafe fn add(self, other: Self) -> Self {
-            // SAFETY: above.
-            Self(unsafe { _mm512_add_ps(self.0, other.0) })
-        }
-
-        #[inline(always)]
-        unsafe fn sub(self, other: Self) -> Self {
-            // SAFETY: above.
-            Self(unsafe { _mm512_sub_ps(self.0, other.0) })
-        }
-
-        #[inline(always)]
-        unsafe fn prefetch(at: *const f32) {
-            // SAFETY: prefetching never faults.
-            unsafe { _mm_prefetch::<_MM_HINT_T0>(at.cast()) }
-        }
-
-        #[inline(always)]
-        unsafe fn relu(self) -> Self {
-            // SAFETY: above. max returns its second operand for NaN and for two zeros.
-            Self(unsafe { _mm512_max_ps(self.0, _mm512_setzero_ps()) })
-        }
-    }
-
-    /// 8 lanes, AVX2 and FMA.
-    #[derive(Clone, Copy)]
-    pub struct Avx2(__m256);
-
-    impl Avx2 {
-        #[inline(always)]
-        unsafe fn mask(count: usize) -> __m256i {
-            // SAFETY: the caller vouches for AVX2.
-            unsafe { _mm256_cmpgt_epi32(_mm256_set1_epi32(count as i32), _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7)) }
-        }
-    }
-
-    // SAFETY of every block below: the caller vouches for AVX2, FMA and for the floats behind the pointers.
-    impl Vector for Avx2 {
-        const LANES: usize = 8;
-
-        #[inline(always)]
-        unsafe fn load(from: *const f32) -> Self {
-            // SAFETY: above.
-            Self(unsafe { _mm256_loadu_ps(from) })
-        }
-
-        #[inline(always)]
-        unsafe fn store(self, to: *mut f32) {
-            // SAFETY: above.
-            unsafe { _mm256_storeu_ps(to, self.0) }
-        }
-
-        #[inline(always)]
-        unsafe fn load_first(from: *const f32, count: usize) -> Self {
-            // SAFETY: above; lanes outside the mask are not read.
-            Self(unsafe { _mm256_maskload_ps(from, Self::mask(count)) })
-        }
-
-        #[inline(always)]
-        unsafe fn store_first(self, to: *mut f32, count: usize) {
-            // SAFETY: above; lanes outside the mask are not written.
-            unsafe { _mm256_maskstore_ps(to, Self::mask(count), self.0) }
-        }
-
-        #[inline(always)]
-        unsafe fn broadcast(from: *const f32) -> Self {
-            // SAFETY: above.
-            Self(unsafe { _mm256_set1_ps(*from) })
-        }
-
-        #[inline(always)]
-        unsafe fn fma(self, a: Self, b: Self) -> Self {
-            // SAFETY: above.
-            Self(unsafe { _mm256_fmadd_ps(a.0, b.0, self.0) })
-        }
-
-        #[inline(always)]
-        unsafe fn add(self, other: Self) -> Self {
-            // SAFETY: above.
-            Self(unsafe { _mm256_add_ps(self.0, other.0) })
-        }
-
-        #[inline(always)]
-        unsafe fn sub(self, other: Self) -> Self {
-            // SAFETY: above.
-            Self(unsafe { _mm256_sub_ps(self.0, other.0) })
-        }
-
-        #[inline(always)]
-        unsafe fn prefetch(at: *const f32) {
-            // SAFETY: prefetching never faults.
-            unsafe { _mm_prefetch::<_MM_HINT_T0>(at.cast()) }
-        }
-
-        #[inline(always)]
-        unsafe fn relu(self) -> Self {
-            // SAFETY: above. max returns its second operand for NaN and for two zeros.
-            Self(unsafe { _mm256_max_ps(self.0, _mm256_setzero_ps()) })
-        }
-    }
+/// Sixteen floats of a slice as an array for writing.
+#[inline(always)]
+pub(super) fn sixteen_mut(to: &mut [f32], at: usize) -> &mut [f32; LANES] {
+    (&mut to[at..at + LANES]).try_into().expect("a slice of sixteen")
 }

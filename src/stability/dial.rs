@@ -86,6 +86,7 @@ fn falls(name: &str, left: &[f64]) -> CheckRow {
 ///
 /// # Errors
 /// Frames that the engine refuses.
+#[cfg(any(feature = "internals", test))]
 pub fn rendered(
     engine: &Engine,
     name: &str,

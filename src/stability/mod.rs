@@ -14,8 +14,11 @@ mod suite;
 mod symmetry;
 mod table;
 
-pub use cases::{Case, HAZARDS, Hazard};
+#[cfg(feature = "internals")]
+pub use cases::{Case, HAZARDS};
+#[cfg(feature = "internals")]
 pub use dial::rendered;
 pub use row::CheckRow;
+#[cfg(feature = "internals")]
 pub use suite::Suite;
-pub use table::{CHECKS, Check, run, summary};
+pub use table::{CHECKS, run, summary};

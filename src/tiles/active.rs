@@ -22,11 +22,6 @@ pub struct Blocks {
 }
 
 impl Blocks {
-    /// How many are active, 0…1.
-    pub fn share(&self) -> f64 {
-        self.active.iter().filter(|a| **a).count() as f64 / self.active.len().max(1) as f64
-    }
-
     /// Whether any is active in a rectangle, both ends included.
     pub fn any(&self, rows: (usize, usize), columns: (usize, usize)) -> bool {
         (rows.0..=rows.1).any(|row| self.active[row * self.columns..][columns.0..=columns.1].contains(&true))

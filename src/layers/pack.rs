@@ -1,12 +1,13 @@
-//! Lays a tile of the input out for the kernel: padded with zeros, ReLU applied, inputs joined channel by channel.
+//! Lays a tile of the input out for the inner loops: padded with zeros, ReLU applied, inputs joined channel by channel.
 
 use super::activation::Activation;
-use super::buffer::Buffer;
-use super::vector::Vector;
+use crate::memory::Buffer;
+use crate::simd::{LANES, Simd};
 
 /// One of the inputs whose channels are joined.
 #[derive(Clone, Copy)]
 pub struct Source<'a> {
+    /// The image.
     pub activation: &'a Activation,
     /// Read at half the resolution: pixel (r, c) is the activation's (r / 2, c / 2).
     pub upsample: bool,
@@ -41,9 +42,9 @@ pub(super) struct Window {
 
 /// Writes `window` of the joined `sources` to `packed`: [row][column][channel] without gaps, then room for `spare` pixels.
 #[inline(always)]
-pub(super) fn pack<V: Vector>(sources: &[Source], relu: bool, window: Window, packed: &mut Buffer, spare: usize) {
+pub(super) fn pack<S: Simd>(s: S, sources: &[Source], relu: bool, window: Window, packed: &mut Buffer, spare: usize) {
     let Some(first) = sources.first() else { return };
-    let channels: usize = sources.iter().map(|s| s.activation.channels()).sum();
+    let channels: usize = sources.iter().map(|source| source.activation.channels()).sum();
     packed.reset((window.rows * window.columns + spare) * channels);
     let (rows, columns) = first.size();
     // The part of the window's columns that lies inside the image.
@@ -64,40 +65,39 @@ pub(super) fn pack<V: Vector>(sources: &[Source], relu: bool, window: Window, pa
         let line = &mut line[before..end];
         match sources {
             [Source { activation, upsample: false }] => {
-                copy::<V>(&activation.row(row as usize)[from * channels..to * channels], line, relu);
+                copy(s, &activation.row(row as usize)[from * channels..to * channels], line, relu);
             }
-            _ => join::<V>(sources, row as usize, from, relu, line, channels),
+            _ => join(s, sources, row as usize, from, relu, line, channels),
         }
     }
 }
 
 /// One row of several inputs, pixel by pixel from column `from` on.
 #[inline(always)]
-fn join<V: Vector>(sources: &[Source], row: usize, from: usize, relu: bool, line: &mut [f32], channels: usize) {
+fn join<S: Simd>(s: S, sources: &[Source], row: usize, from: usize, relu: bool, line: &mut [f32], channels: usize) {
     let mut offset = 0;
     for source in sources {
         let shift = usize::from(source.upsample);
         let width = source.activation.channels();
         let input = source.activation.row(row >> shift);
         for (x, pixel) in line.chunks_exact_mut(channels).enumerate() {
-            copy::<V>(&input[((from + x) >> shift) * width..][..width], &mut pixel[offset..offset + width], relu);
+            copy(s, &input[((from + x) >> shift) * width..][..width], &mut pixel[offset..offset + width], relu);
         }
         offset += width;
     }
 }
 
 #[inline(always)]
-fn copy<V: Vector>(from: &[f32], to: &mut [f32], relu: bool) {
+fn copy<S: Simd>(s: S, from: &[f32], to: &mut [f32], relu: bool) {
     if !relu {
         return to.copy_from_slice(from);
     }
-    let (head, tail) = from.split_at(from.len() / V::LANES * V::LANES);
-    let (head_out, tail_out) = to.split_at_mut(head.len());
-    for (input, output) in head.chunks_exact(V::LANES).zip(head_out.chunks_exact_mut(V::LANES)) {
-        // SAFETY: both slices are V::LANES long; V's instructions are there because the caller chose V.
-        unsafe { V::load(input.as_ptr()).relu().store(output.as_mut_ptr()) }
+    let (whole, rest) = from.as_chunks::<LANES>();
+    let (whole_out, rest_out) = to.as_chunks_mut::<LANES>();
+    for (input, output) in whole.iter().zip(whole_out) {
+        s.store(s.relu(s.load(input, 0)), output, 0);
     }
-    for (input, output) in tail.iter().zip(tail_out) {
+    for (input, output) in rest.iter().zip(rest_out) {
         *output = if *input > 0.0 { *input } else { 0.0 };
     }
 }

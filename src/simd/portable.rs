@@ -1,8 +1,6 @@
-//! Lanes in plain Rust.
+//! Plain Rust in the shape that compilers vectorise: a vector is an array.
 
-use half::f16;
-
-use super::{Lanes, SQRT_HALF, sixteen};
+use super::vector::{SQRT_HALF, Simd, SimdOp, sixteen, sixteen_mut};
 
 /// Plain Rust; the path for every CPU that has no path of its own.
 #[derive(Clone, Copy, Debug)]
@@ -17,9 +15,17 @@ fn map2(a: [f32; 16], b: [f32; 16], f: impl Fn(f32, f32) -> f32) -> [f32; 16] {
     out
 }
 
-impl Lanes for Portable {
+impl Simd for Portable {
     type V = [f32; 16];
-    const TILE: usize = 2;
+    const REGISTERS: usize = if cfg!(target_arch = "aarch64") { 8 } else { 4 };
+    #[inline(always)]
+    fn detect() -> Option<Self> {
+        Some(Self)
+    }
+    #[inline(always)]
+    fn run<Op: SimdOp>(self, op: Op) -> Op::Output {
+        op.run(self)
+    }
     #[inline(always)]
     fn splat(self, x: f32) -> Self::V {
         [x; 16]
@@ -29,16 +35,8 @@ impl Lanes for Portable {
         *sixteen(from, at)
     }
     #[inline(always)]
-    fn load_half(self, from: &[f16], at: usize) -> Self::V {
-        let mut out = [0.0; 16];
-        for (to, from) in out.iter_mut().zip(&from[at..at + 16]) {
-            *to = from.to_f32();
-        }
-        out
-    }
-    #[inline(always)]
     fn store(self, v: Self::V, to: &mut [f32], at: usize) {
-        to[at..at + 16].copy_from_slice(&v);
+        *sixteen_mut(to, at) = v;
     }
     #[inline(always)]
     fn add(self, a: Self::V, b: Self::V) -> Self::V {

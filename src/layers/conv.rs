@@ -7,17 +7,15 @@ use ndarray::{ArrayView1, ArrayView4};
 use rayon::prelude::*;
 
 use super::activation::Activation;
-use super::buffer::Buffer;
-use super::isa::Isa;
-use super::kernel::GROUP;
+use super::cache_tile::{Layer, rows};
+use super::epilogue::Epilogue;
 use super::pack::Source;
-use super::tile::{Block, Layer, rows};
-
-/// Groups of 16 output channels in the widest block: 3 × 8 pixels fill the registers best.
-const BLOCK_GROUPS: usize = 3;
+use super::register_tile::{Add, Block, Weights};
+use crate::memory::Buffer;
+use crate::simd::{Isa, LANES};
 
 thread_local! {
-    static SCRATCH: RefCell<Buffer> = const { RefCell::new(Buffer::empty()) };
+    static SCRATCH: RefCell<Buffer> = RefCell::new(Buffer::empty());
 }
 
 /// A convolution with padding k / 2 (zeros outside), as PyTorch's `Conv2d(ci, co, k, stride, padding=k // 2)`.
@@ -35,17 +33,6 @@ pub struct Conv {
     outputs: usize,
 }
 
-/// What happens around the convolution itself.
-#[derive(Clone, Copy, Default)]
-pub struct Epilogue<'a> {
-    /// ReLU on the input as it is read.
-    pub relu_input: bool,
-    /// ReLU on the output, after `add`.
-    pub relu_output: bool,
-    /// Added to the output: the same size as the whole output.
-    pub add: Option<&'a Activation>,
-}
-
 impl Conv {
     /// Packs `weight` (co, ci, k, k), k = 1 or 3, and `bias` (co; none is zero). `stride` is 1 or 2.
     ///
@@ -55,17 +42,17 @@ impl Conv {
         let (outputs, inputs, kernel, kernel_columns) = weight.dim();
         assert!(outputs > 0 && inputs > 0 && matches!(kernel, 1 | 3) && kernel == kernel_columns, "weight {:?}", weight.dim());
         assert!(matches!(stride, 1 | 2), "stride {stride}");
-        let groups = outputs.div_ceil(GROUP);
-        let mut packed_bias = Buffer::zeroed(groups * GROUP);
+        let vectors = outputs.div_ceil(LANES);
+        let mut packed_bias = Buffer::zeroed(vectors * LANES);
         if let Some(bias) = bias {
             assert_eq!(bias.len(), outputs, "one bias for each output channel");
             packed_bias.as_mut_slice().iter_mut().zip(bias).for_each(|(to, from)| *to = *from);
         }
-        let blocks = blocks(groups, kernel * kernel * inputs);
-        let mut weights = Buffer::zeroed(groups * GROUP * kernel * kernel * inputs);
+        let blocks = Block::all(vectors, kernel * kernel * inputs);
+        let mut weights = Buffer::zeroed(vectors * LANES * kernel * kernel * inputs);
         for block in &blocks {
-            let width = block.groups * GROUP;
-            let packed = &mut weights.as_mut_slice()[block.weights..];
+            let width = block.vectors * LANES;
+            let packed = &mut weights.as_mut_slice()[block.offset..];
             for (tap, line) in packed.chunks_exact_mut(width).take(kernel * kernel * inputs).enumerate() {
                 let (ky, kx, ci) = (tap / inputs / kernel, tap / inputs % kernel, tap % inputs);
                 for (co, to) in (block.channel..outputs).zip(line) {
@@ -76,10 +63,12 @@ impl Conv {
         Self { weights, bias: packed_bias, blocks, kernel, stride, inputs, outputs }
     }
 
+    /// Channels of the input.
     pub fn input_channels(&self) -> usize {
         self.inputs
     }
 
+    /// Channels of the output.
     pub fn output_channels(&self) -> usize {
         self.outputs
     }
@@ -141,29 +130,28 @@ impl Conv {
     }
 
     /// Fills `output`, which has its shape, with the convolution's rows from `first` on.
-    fn compute(&self, isa: Isa, inputs: &[Source], first: usize, output: &mut Activation, epilogue: Epilogue, add_output: bool) {
+    fn compute(&self, isa: Isa, inputs: &[Source], first: usize, output: &mut Activation, epilogue: Epilogue, onto: bool) {
         let (rows_wanted, columns, _) = output.shape();
-        if let Some(add) = epilogue.add {
+        let mut add = if onto { Add::Output } else { Add::Nothing };
+        if let Some(image) = epilogue.add {
             let size = inputs.first().map_or((0, 0), Source::size);
             let (rows, columns) = self.output_size(size.0, size.1);
-            assert_eq!(add.shape(), (rows, columns, self.outputs), "the image to add");
+            assert_eq!(image.shape(), (rows, columns, self.outputs), "the image to add");
+            add = Add::Image(image.as_slice());
         }
         if output.as_slice().is_empty() {
             return;
         }
         let layer = Layer {
-            weights: self.weights.as_slice(),
-            bias: self.bias.as_slice(),
+            weights: Weights { taps: self.weights.as_slice(), bias: self.bias.as_slice(), outputs: self.outputs },
             blocks: &self.blocks,
             kernel: self.kernel,
             stride: self.stride,
             inputs: self.inputs,
-            outputs: self.outputs,
             sources: inputs,
             relu_input: epilogue.relu_input,
             relu_output: epilogue.relu_output,
-            add: epilogue.add.map(Activation::as_slice),
-            add_output,
+            add,
             columns,
         };
         let tile = layer.tile_rows(rows_wanted, rayon::current_num_threads());
@@ -171,18 +159,4 @@ impl Conv {
             SCRATCH.with_borrow_mut(|scratch| rows(isa, &layer, first + i * tile, output, scratch));
         });
     }
-}
-
-/// Splits `groups` into blocks of 3 and 2 groups (one block of 1 where there is no other way). `taps` is k · k · ci.
-pub(super) fn blocks(groups: usize, taps: usize) -> Vec<Block> {
-    let mut blocks = Vec::new();
-    let mut group = 0;
-    while group < groups {
-        let left = groups - group;
-        // 4 is 2 + 2, not 3 + 1.
-        let take = if left == 4 { 2 } else { left.min(BLOCK_GROUPS) };
-        blocks.push(Block { channel: group * GROUP, groups: take, weights: group * GROUP * taps });
-        group += take;
-    }
-    blocks
 }

@@ -2,8 +2,10 @@
 
 use ndarray::ArrayView3;
 
-use super::buffer::Buffer;
-use super::kernel::PIXELS_MAX;
+use crate::memory::{Buffer, BufferPool};
+
+/// Pixels after the last that the inner loops may read: the widest register tile, and a multiple of the others.
+pub(super) const SPARE_PIXELS: usize = 24;
 
 /// f32 values \[row\]\[column\]\[channel\], contiguous, on a 64-byte boundary.
 #[derive(Clone)]
@@ -11,19 +13,29 @@ pub struct Activation {
     rows: usize,
     columns: usize,
     channels: usize,
-    /// The pixels, then room for PIXELS_MAX more, which the kernel may read.
+    /// The pixels, then room for SPARE_PIXELS more, which the inner loops may read.
     data: Buffer,
 }
 
 impl Activation {
-    /// All zero.
+    /// All zero, in memory of its own.
     pub fn new(rows: usize, columns: usize, channels: usize) -> Self {
         Self { rows, columns, channels, data: Buffer::zeroed(Self::size(rows, columns, channels)) }
     }
 
-    /// No pixels, no memory; for `reset` to fill.
-    pub const fn empty() -> Self {
+    /// No pixels yet, for `reset` to change; in memory of its own.
+    pub fn empty() -> Self {
         Self { rows: 0, columns: 0, channels: 0, data: Buffer::empty() }
+    }
+
+    /// As [`Activation::empty`], in memory from `pool`.
+    pub fn in_pool(pool: &BufferPool) -> Self {
+        Self { rows: 0, columns: 0, channels: 0, data: Buffer::in_pool(pool) }
+    }
+
+    /// As [`Activation::empty`], in memory from this one's pool.
+    pub fn same_pool(&self) -> Self {
+        Self { rows: 0, columns: 0, channels: 0, data: self.data.same_pool() }
     }
 
     /// Takes a new shape and reuses the memory, which only grows. What the values are afterwards is unspecified.
@@ -32,14 +44,17 @@ impl Activation {
         (self.rows, self.columns, self.channels) = (rows, columns, channels);
     }
 
+    /// Rows of pixels.
     pub fn rows(&self) -> usize {
         self.rows
     }
 
+    /// Columns of pixels.
     pub fn columns(&self) -> usize {
         self.columns
     }
 
+    /// Channels of a pixel.
     pub fn channels(&self) -> usize {
         self.channels
     }
@@ -61,10 +76,12 @@ impl Activation {
         &mut self.as_mut_slice()[r * width..][..width]
     }
 
+    /// All values.
     pub fn as_slice(&self) -> &[f32] {
         &self.data.as_slice()[..self.rows * self.columns * self.channels]
     }
 
+    /// All values for writing.
     pub fn as_mut_slice(&mut self) -> &mut [f32] {
         let len = self.rows * self.columns * self.channels;
         &mut self.data.as_mut_slice()[..len]
@@ -75,14 +92,14 @@ impl Activation {
         ArrayView3::from_shape(self.shape(), self.as_slice()).expect("the buffer is as long as the shape says")
     }
 
-    /// Everything from a pixel on, PIXELS_MAX unspecified pixels after the last included.
+    /// Everything from a pixel on, SPARE_PIXELS unspecified pixels after the last included.
     pub(super) fn pixels_from(&self, row: usize, column: usize) -> &[f32] {
         &self.data.as_slice()[(row * self.columns + column) * self.channels..]
     }
 
     /// Floats that an image takes with the spare pixels.
     fn size(rows: usize, columns: usize, channels: usize) -> usize {
-        let pixels = rows.checked_mul(columns).and_then(|n| n.checked_add(PIXELS_MAX));
+        let pixels = rows.checked_mul(columns).and_then(|n| n.checked_add(SPARE_PIXELS));
         pixels.and_then(|n| n.checked_mul(channels)).expect("an image of more values than can be counted")
     }
 }
