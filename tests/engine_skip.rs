@@ -3,7 +3,7 @@
 mod engine_support;
 
 use engine_support::*;
-use hush::engine::{LeftOut, RULES, Rule, Skip};
+use hush::engine::{LeftOut, RULES, Rule, SILENT, Skip};
 use hush::{Denoised, Engine, Frame};
 use ndarray::{Array2, Array3, s};
 
@@ -12,7 +12,7 @@ const CENTRE: usize = 2;
 /// The middle frame of five.
 fn run(engine: &Engine, frames: &[Frame]) -> (Denoised, LeftOut) {
     let encoded = encode(engine, frames.iter().cloned());
-    engine.denoise_and_tell(&encoded[CENTRE], &around(&encoded, CENTRE, 2), 3.0).unwrap()
+    engine.denoise_with(&encoded[CENTRE], &around(&encoded, CENTRE, 2), 3.0, engine.skip(), SILENT).unwrap()
 }
 
 /// With one rule alone, with none, and what was left out.
@@ -183,5 +183,5 @@ fn neighbours_without_a_pixel_are_counted_before_anything_is_computed() {
     let around = around(&encoded, CENTRE, 2);
     let before = engine.left_out(&encoded[CENTRE], &around, Skip::default());
     assert_eq!(before.untrusted, 4);
-    assert_eq!(engine.denoise_and_tell(&encoded[CENTRE], &around, 1.0).unwrap().1, before);
+    assert_eq!(engine.denoise_with(&encoded[CENTRE], &around, 1.0, engine.skip(), SILENT).unwrap().1, before);
 }

@@ -6,8 +6,8 @@ use std::sync::LazyLock;
 
 use arbitrary::Unstructured;
 use hush::engine::Isa;
-use hush::engine::Skip;
 use hush::engine::Weights;
+use hush::engine::{SILENT, Skip};
 use hush::{Aov, Denoised, Engine, Frame, Settings};
 use ndarray::{Array2, Array3, Axis, s};
 
@@ -98,14 +98,14 @@ impl Case {
         let encoded = self.frames.iter().map(|f| engine.encode_view(&f.view())).collect::<hush::Result<Vec<_>>>()?;
         let offsets = (0..encoded.len()).map(|i| (i as i32 - centre as i32, &encoded[i]));
         let neighbours: Vec<_> = offsets.filter(|(offset, _)| *offset != 0 && self.there >> (offset + 3) & 1 == 0).collect();
-        let (denoised, left_out) = engine.denoise_with(&encoded[centre], &neighbours, self.lambda, self.skip)?;
+        let (denoised, left_out) = engine.denoise_with(&encoded[centre], &neighbours, self.lambda, self.skip, SILENT)?;
         assert!((0.0..=1.0).contains(&left_out.constant), "{left_out:?}");
         assert_sane(&denoised, &self.frames[centre]);
         if self.flat_albedo {
             assert_inside(&denoised, self.hull());
         }
         if !self.skip.constant && self.skip != NONE {
-            let (whole, _) = engine.denoise_with(&encoded[centre], &neighbours, self.lambda, NONE)?;
+            let (whole, _) = engine.denoise_with(&encoded[centre], &neighbours, self.lambda, NONE, SILENT)?;
             assert_eq!(bits(&denoised), bits(&whole), "leaving out with {:?} is exact", self.skip);
         }
         Ok(())

@@ -5,8 +5,11 @@ use std::collections::HashMap;
 use ndarray::{Array, ArrayD, ArrayView, Dimension, Ix3, Ix4, s};
 use safetensors::SafeTensors;
 
+use ndarray::Array3;
+
 use super::*;
 use crate::frame::Frame;
+use crate::kernels::planes::Planes;
 use crate::network::features::Stored;
 
 const MODEL: &[u8] = include_bytes!("../../tests/data/golden_model.safetensors");

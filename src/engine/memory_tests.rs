@@ -1,5 +1,7 @@
 //! Whose memory is whose.
 
+use ndarray::Array3;
+
 use super::*;
 use crate::frame::Frame;
 

@@ -1,6 +1,6 @@
 //! What the kernels of a frame are made from, for the float64 reference of the kernel stage.
 
-use super::steps::UNHEARD;
+use super::steps::{SILENT, Steps};
 use super::{EncodedFrame, Engine};
 use crate::frame::packed::PackedFrame;
 use crate::kernels::FULL_PHASES;
@@ -56,9 +56,9 @@ impl Kernels {
 impl Engine {
     /// Runs the network on all of `centre`; arguments as for [`Engine::denoise`], λ in its range.
     pub(crate) fn probe(&self, centre: &EncodedFrame, neighbours: &[(i32, &EncodedFrame)], lambda: f32) -> Probe {
-        let plan = self.plan(centre, neighbours, self.settings.skip);
+        let plan = self.work(centre, neighbours, self.settings.skip);
         let region = Rect { row: 0, column: 0, rows: centre.packed.padded_rows / 2, columns: centre.packed.padded_columns / 2 };
-        let stages = self.tile(&plan, Tile { core: region, region }, lambda, UNHEARD);
+        let stages = self.tile(&plan, Tile { core: region, region }, lambda, Steps::whole(SILENT));
         let margins = Margins::new(self.widths[0].max(self.widths[1]).max(self.widths[3]), self.widths[2]);
         let used = plan.paths.iter().zip(&stages.used).filter(|(_, used)| **used).map(|(path, _)| path);
         let (offsets, seen): (Vec<i32>, Vec<(&Features, Warped)>) = used

@@ -35,15 +35,20 @@ pub(super) struct Steps<'a> {
     pub share: f64,
 }
 
-impl Steps<'_> {
+/// Nobody listens.
+pub const SILENT: Listener<'static> = &|_| ();
+
+impl<'a> Steps<'a> {
+    /// Of a frame that is one tile.
+    pub fn whole(listener: Listener<'a>) -> Self {
+        Self { listener, before: 0.0, share: 1.0 }
+    }
+
     /// Tells that a stage of this tile has ended.
     pub fn reached(&self, mark: Mark) {
         (self.listener)((self.before + self.share * mark.0).min(1.0));
     }
 }
-
-/// Of a frame that nobody listens to.
-pub(super) const UNHEARD: Steps<'static> = Steps { listener: &|_| (), before: 0.0, share: 1.0 };
 
 #[cfg(test)]
 mod tests {
@@ -64,7 +69,7 @@ mod tests {
             let engine = Engine::new(Settings { memory, ..Settings::default() }).unwrap();
             let encoded = engine.encode(frame.clone()).unwrap();
             let heard = Mutex::new(Vec::new());
-            let (made, _) = engine.denoise_heard(&encoded, &[], 2.0, &|f| heard.lock().unwrap().push(f)).unwrap();
+            let (made, _) = engine.denoise_with(&encoded, &[], 2.0, engine.skip(), &|f| heard.lock().unwrap().push(f)).unwrap();
             let heard = heard.into_inner().unwrap();
             assert!(heard.windows(2).all(|w| w[1] >= w[0]) && heard[0] > 0.0 && heard[heard.len() - 1] > 0.999, "{heard:?}");
             counts.push(heard.len());

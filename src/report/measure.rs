@@ -13,7 +13,7 @@ use super::machine::Machine;
 use super::oidn::Oidn;
 use super::record::{ERRORS, FrameErrors, Report, SettingRow};
 use super::statistics::{Spread, pareto};
-use crate::engine::{EncodedFrame, Engine, STAGES};
+use crate::engine::{EncodedFrame, Engine, SILENT, STAGES};
 use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::io::sequence::Sequence;
@@ -262,7 +262,7 @@ impl Measurement<'_> {
         let near: Vec<(i32, &EncodedFrame)> = near.filter_map(|(offset, n)| Some((*offset, self.ring.get(n)?))).collect();
         let before = engine.stage_seconds();
         let began = Instant::now();
-        let (denoised, left_out) = engine.denoise_with(centre, &near, lambda, candidate.skip())?;
+        let (denoised, left_out) = engine.denoise_with(centre, &near, lambda, candidate.skip(), SILENT)?;
         let seconds = began.elapsed().as_secs_f64();
         let footprint = engine.footprint(centre, &near);
         let tally = &mut self.tallies[i];

@@ -378,7 +378,7 @@ fn denoise_views(
     let view = |(index, centre): (usize, &EncodedFrame)| {
         let neighbours: Vec<(i32, &EncodedFrame)> =
             around.iter().filter_map(|(offset, slot)| Some((*offset, slot.encoded.get(index)?))).collect();
-        engine.denoise_heard(centre, &neighbours, lambda, &|fraction| listener((index as f64 + fraction) / views))
+        engine.denoise_with(centre, &neighbours, lambda, engine.skip(), &|fraction| listener((index as f64 + fraction) / views))
     };
     centre.encoded.iter().enumerate().map(view).collect()
 }

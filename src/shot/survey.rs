@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::cancel::CancelToken;
 use super::scope::Scope;
-use crate::engine::{EncodedFrame, Engine};
+use crate::engine::{EncodedFrame, Engine, SILENT};
 use crate::error::{Error, Result};
 use crate::rules::skip::{LeftOut, RULES, Rule, Skip};
 
@@ -227,7 +227,7 @@ fn time(scope: &Scope, engine: &Engine, skip: Skip, frames: &[SurveyedFrame], ca
             for (view, centre) in centre.iter().enumerate() {
                 let near: Vec<(i32, &EncodedFrame)> =
                     around.iter().filter_map(|(offset, views)| Some((*offset, views.get(view)?))).collect();
-                engine.denoise_with(centre, &near, 1.0, skip)?;
+                engine.denoise_with(centre, &near, 1.0, skip, SILENT)?;
             }
             to.push(began.elapsed().as_secs_f64());
         }
