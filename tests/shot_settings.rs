@@ -59,7 +59,7 @@ fn a_lambda_beyond_the_range_is_told_of_wherever_it_stands() {
     put(&shot, "hush.toml", "lambda = 1000");
     for source in [["--usd", "shot.usda"], ["--settings", "hush.toml"]] {
         let output = hush(&shot, &[&["denoise", "shot", "-o", "out", "--dry-run"], &source[..]].concat());
-        let said = text(&output.stderr);
+        let said = text(&output.stdout) + &text(&output.stderr);
         assert!(output.status.success() && said.contains("lambda 1000 is beyond the range, 64 is used"), "{source:?}: {said}");
     }
 }
