@@ -53,6 +53,18 @@ const PASS: &str = r#"
     }"#;
 
 #[test]
+fn a_lambda_beyond_the_range_is_told_of_wherever_it_stands() {
+    let shot = Shot::new(1..=1, Look::default());
+    stage(&shot, "def RenderPass \"Pass\" { float hush:lambda = 1000 }");
+    put(&shot, "hush.toml", "lambda = 1000");
+    for source in [["--usd", "shot.usda"], ["--settings", "hush.toml"]] {
+        let output = hush(&shot, &[&["denoise", "shot", "-o", "out", "--dry-run"], &source[..]].concat());
+        let said = text(&output.stdout) + &text(&output.stderr);
+        assert!(output.status.success() && said.contains("lambda 1000 is beyond the range, 64 is used"), "{source:?}: {said}");
+    }
+}
+
+#[test]
 fn later_sources_win_and_each_value_knows_its_source() {
     let shot = Shot::new(1..=2, Look::default());
     stage(&shot, PASS);

@@ -74,6 +74,13 @@ struct Case {
 
 impl Case {
     fn read(u: &mut Unstructured) -> Read<Self> {
+        let lambda = match u.int_in_range(0..=7u8)? {
+            7 => f32::from_bits(u.arbitrary()?),
+            _ => 1.0 + f32::from(u.arbitrary::<u8>()?) / 4.0,
+        };
+        let (there, engine) = (u.arbitrary::<u8>()?, u.arbitrary::<u8>()?.into());
+        let [constant, opaque, untrusted, still] = u.arbitrary()?;
+        let skip = Skip { constant, opaque, untrusted, still };
         let (rows, columns) = (*u.choose(&SIDES)?, *u.choose(&SIDES)?);
         let window = u.int_in_range(0..=2)?;
         let passes: u8 = u.arbitrary()?;
@@ -85,10 +92,6 @@ impl Case {
         for _ in 0..u.int_in_range(0..=24)? {
             edit(u, &mut frames, flat_albedo)?;
         }
-        let lambda = if u.arbitrary()? { 1.0 + f32::from(u.arbitrary::<u8>()?) / 4.0 } else { f32::from_bits(u.arbitrary()?) };
-        let (there, engine) = (u.arbitrary::<u8>()?, u.arbitrary::<u8>()?.into());
-        let [constant, opaque, untrusted, still] = u.arbitrary()?;
-        let skip = Skip { constant, opaque, untrusted, still };
         Ok(Self { frames, there, lambda, engine, skip, flat_albedo })
     }
 

@@ -2,10 +2,8 @@
 
 use std::collections::HashMap;
 
-use ndarray::{Array, ArrayD, ArrayView, Dimension, Ix3, Ix4, s};
+use ndarray::{Array, Array3, ArrayD, ArrayView, Dimension, Ix3, Ix4, s};
 use safetensors::SafeTensors;
-
-use ndarray::Array3;
 
 use super::*;
 use crate::frame::Frame;

@@ -73,7 +73,12 @@ enum Answer {
 pub fn answer(stage: &StageRef) -> impl Serialize {
     limit();
     match read(stage) {
-        Ok(settings) => Answer::Settings(Box::new(settings)),
+        Ok(mut settings) => {
+            // That λ was clamped does not show in the numbers that are passed on.
+            let clamped = settings.values.lambda.as_ref().and_then(|lambda| lambda.note());
+            settings.notes.extend(clamped.map(|note| format!("{}: {note}", settings.origin("lambda"))));
+            Answer::Settings(Box::new(settings))
+        }
         Err(Error::BadFile { reason, .. }) => Answer::Refused(reason),
         Err(Error::Io { source, .. }) => Answer::Refused(plain(&source)),
         Err(other) => Answer::Refused(other.to_string()),

@@ -3,8 +3,13 @@
 use std::panic::{self, AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::{LazyLock, Mutex};
+use std::time::Duration;
 
+use cpu_time::ProcessTime;
 use hush_fuzz::Check;
+
+/// Processor time that an input may take. libFuzzer's own limit is one of wall time, for those that never return.
+const MOST_TIME: Duration = Duration::from_secs(10);
 
 /// A folder in memory, for the files that are read.
 static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
@@ -25,10 +30,13 @@ pub fn start() {
     pool.build_global().expect("there is no other pool yet");
 }
 
-/// Runs the check; ends the process where it panics.
+/// Runs the check; ends the process where it panics or takes too long.
 pub fn run(check: Check, bytes: &[u8]) {
-    if catch_unwind(AssertUnwindSafe(|| check(&FOLDER, bytes))).is_err() {
-        eprintln!("{}", LAST_PANIC.lock().map(|last| last.clone()).unwrap_or_default());
+    let started = ProcessTime::now();
+    let result = catch_unwind(AssertUnwindSafe(|| check(&FOLDER, bytes)));
+    let taken = started.elapsed();
+    if result.is_err() || taken > MOST_TIME {
+        eprintln!("{taken:?}; {}", LAST_PANIC.lock().map(|last| last.clone()).unwrap_or_default());
         std::process::abort();
     }
 }
