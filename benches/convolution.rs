@@ -12,7 +12,7 @@
 
 use std::time::{Duration, Instant};
 
-use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
 use hush::engine::Isa;
 use hush::internals::{Activation, Conv, Epilogue, Winograd};
 use ndarray::{Array1, Array4};
@@ -60,7 +60,8 @@ fn convolutions(criterion: &mut Criterion) {
 /// the floating-point operations of a core, those of the plain sum.
 fn measure(criterion: &mut Criterion, name: &str, flops: f64, run: impl Fn(Isa, &mut Activation) + Sync) {
     let mut group = criterion.benchmark_group(name);
-    group.throughput(Throughput::Elements(flops as u64)).sample_size(10).warm_up_time(WARM_UP).measurement_time(TIME);
+    group.throughput(Throughput::Elements(flops as u64)).sampling_mode(SamplingMode::Flat);
+    group.sample_size(10).warm_up_time(WARM_UP).measurement_time(TIME);
     let mut output = Activation::empty();
     for isa in Isa::available().into_iter().rev() {
         for threads in 1..=std::thread::available_parallelism().map_or(1, usize::from).min(2) {
