@@ -5,37 +5,92 @@ use std::path::PathBuf;
 /// Shorthand for a result with Hush's [`enum@Error`].
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// What can go wrong. Nothing here is a bug in the caller's machine memory: user input never panics.
+/// What can go wrong; user input never panics.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// The operating system refused a file operation.
     #[error("{path}: {}", plain(.source))]
-    Io { path: PathBuf, source: std::io::Error },
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
     /// A file is not what it claims to be: truncated, garbage, or a header that cannot be true.
     #[error("{path}: {reason}")]
-    BadFile { path: PathBuf, reason: String },
+    BadFile {
+        /// The file or folder.
+        path: PathBuf,
+        /// What is wrong with it, and what to do.
+        reason: String,
+    },
     /// A file is sound but lacks a pass, layer or view that was asked for.
     #[error("{path} has no {pass} pass: {advice}")]
-    MissingPass { path: PathBuf, pass: String, advice: String },
+    MissingPass {
+        /// The file or folder.
+        path: PathBuf,
+        /// The pass, in Blender's words.
+        pass: String,
+        /// What to do.
+        advice: String,
+    },
     /// The input pattern, folder or list names no usable frames.
     #[error("{input}: {reason}")]
-    BadInput { input: String, reason: String },
+    BadInput {
+        /// What was named.
+        input: String,
+        /// What is wrong with it, and what to do.
+        reason: String,
+    },
     /// A setting is outside its range or contradicts another.
     #[error("{name}: {reason}")]
-    BadSetting { name: &'static str, reason: String },
+    BadSetting {
+        /// The setting.
+        name: &'static str,
+        /// What is wrong with it, and what to do.
+        reason: String,
+    },
     /// The weights file cannot be used.
     #[error("model {model}: {reason}")]
-    BadModel { model: String, reason: String },
+    BadModel {
+        /// The weights file.
+        model: String,
+        /// What is wrong with it, and what to do.
+        reason: String,
+    },
     /// Two images or passes that belong together differ in size.
     #[error("{what} is {found_columns}×{found_rows}, expected {columns}×{rows}")]
-    SizeMismatch { what: String, columns: usize, rows: usize, found_columns: usize, found_rows: usize },
+    SizeMismatch {
+        /// The image, pass or piece of work.
+        what: String,
+        /// Expected.
+        columns: usize,
+        /// Expected.
+        rows: usize,
+        /// Found.
+        found_columns: usize,
+        /// Found.
+        found_rows: usize,
+    },
     /// The work does not fit into the memory that it may use.
     #[error("{what} needs {needed} MiB, {allowed} MiB are allowed: {advice}")]
-    Memory { what: String, needed: u64, allowed: u64, advice: String },
+    Memory {
+        /// The image, pass or piece of work.
+        what: String,
+        /// MiB.
+        needed: u64,
+        /// MiB.
+        allowed: u64,
+        /// What to do.
+        advice: String,
+    },
     /// The shot's settings say that it is not to be denoised.
     #[error("denoising is switched off for this shot by {by}: nothing was done; set enable to true to denoise it all the same")]
-    SwitchedOff { by: String },
+    SwitchedOff {
+        /// The file and key, or the option, that says so.
+        by: String,
+    },
     /// The user stopped the run.
     #[error("stopped")]
     Cancelled,

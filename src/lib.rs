@@ -34,6 +34,8 @@
 //! Data flows one way: `io` → `frame` → `tiles` → `network` → `kernels` → `io`; [`engine`] runs that chain over a window of frames.
 //! Programs to begin with stand in the folder `examples`.
 
+#![warn(missing_docs)]
+
 #[doc(hidden)]
 pub mod cli;
 pub mod engine;

@@ -11,7 +11,7 @@ use crate::error::Result;
 /// Decides what is read and written.
 ///
 /// # Errors
-/// [`Error::MissingPass`] if the file has no beauty, or lacks a layer, view or light pass that was asked for.
+/// [`Error::MissingPass`](crate::Error::MissingPass) if the file has no beauty, or lacks a layer, view or light pass that was asked for.
 pub fn resolve(layout: &Layout, selection: &Selection) -> Result<Resolved> {
     let layer = pick_layer(layout, selection)?;
     let view = pick_view(layout, layer, selection)?;
@@ -85,7 +85,7 @@ pub fn resolve(layout: &Layout, selection: &Selection) -> Result<Resolved> {
 /// file is denoised as a whole.
 ///
 /// # Errors
-/// As [`resolve`]; [`Error::MissingPass`] if `all` finds no view layer with a beauty.
+/// As [`resolve`]; [`Error::MissingPass`](crate::Error::MissingPass) if `all` finds no view layer with a beauty.
 pub fn resolve_views(layout: &Layout, selection: &Selection) -> Result<Vec<Resolved>> {
     let mut found: Vec<Resolved> = Vec::new();
     for layer in pick_layers(layout, selection)? {

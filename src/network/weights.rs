@@ -98,6 +98,7 @@ pub struct Weights {
     pub name: String,
     /// What tells them apart from others.
     pub id: ModelId,
+    /// What the network is built from.
     pub architecture: Architecture,
     /// The renderers that the file has a source encoder for, the default first.
     pub renderers: Vec<String>,
@@ -203,7 +204,7 @@ impl Weights {
         Ok(Conv::new(weight.view(), bias.as_ref().map(|b| b.view()), stride))
     }
 
-    /// A 3×3 convolution with bias, as [`Winograd`].
+    /// A 3×3 convolution with bias, done after Winograd.
     pub fn winograd(&self, key: &str, outputs: usize, inputs: usize) -> Result<Winograd> {
         let (weight, bias) = self.conv(key, outputs, inputs, 3, true)?;
         Ok(Winograd::new(weight.view(), bias.unwrap_or_else(|| Array1::zeros(outputs)).view()))

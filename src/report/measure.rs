@@ -35,8 +35,9 @@ pub struct MeasureOptions {
     pub chosen: bool,
     /// The peer, and whether the user named it.
     pub oidn: Option<(Oidn, bool)>,
-    /// Which layer and view of the references to read.
+    /// The view layer of the references to read.
     pub layer: Option<String>,
+    /// Their stereo view.
     pub view: Option<String>,
 }
 

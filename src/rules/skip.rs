@@ -77,9 +77,13 @@ impl FromStr for Rule {
 /// Which rules are on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Skip {
+    /// [`Rule::Constant`].
     pub constant: bool,
+    /// [`Rule::Opaque`].
     pub opaque: bool,
+    /// [`Rule::Untrusted`].
     pub untrusted: bool,
+    /// [`Rule::Still`].
     pub still: bool,
 }
 

@@ -26,7 +26,12 @@ static READER: OnceLock<StageReader> = OnceLock::new();
 #[derive(Clone, Debug)]
 pub enum StageReader {
     /// A program that is known to be Hush with these arguments in front of `read-stage -- STAGE`.
-    Command { program: PathBuf, arguments: Vec<OsString> },
+    Command {
+        /// The program.
+        program: PathBuf,
+        /// Its arguments before the subcommand.
+        arguments: Vec<OsString>,
+    },
     /// There is no such program, for this reason.
     Unavailable(String),
 }

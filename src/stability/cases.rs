@@ -94,8 +94,11 @@ const BAD: [f32; 6] = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -5.0, f32::MA
 /// A run of frames of which one is denoised.
 #[derive(Clone, Debug)]
 pub struct Case {
+    /// What it is.
     pub name: String,
+    /// Rows of each frame.
     pub rows: usize,
+    /// Columns of each frame.
     pub columns: usize,
     /// Frames in the shot.
     pub frames: usize,
@@ -103,6 +106,7 @@ pub struct Case {
     pub centre: usize,
     /// Frames on each side that may help, 0…3.
     pub window: usize,
+    /// Of its noise.
     pub seed: u64,
     /// Applied in order.
     pub hazards: Vec<Hazard>,

@@ -16,6 +16,7 @@ pub struct CheckRow {
     /// Where that was.
     #[serde(rename = "where")]
     pub place: String,
+    /// Whether it held everywhere.
     pub passed: bool,
 }
 

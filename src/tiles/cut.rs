@@ -6,9 +6,13 @@ pub const STEP: usize = 4;
 /// A rectangle in half-resolution pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rect {
+    /// The first row.
     pub row: usize,
+    /// The first column.
     pub column: usize,
+    /// How many rows.
     pub rows: usize,
+    /// How many columns.
     pub columns: usize,
 }
 
@@ -29,7 +33,9 @@ impl Rect {
 /// What one pass of the network computes (`region`) and what of it is exact and kept (`core`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tile {
+    /// Exact, and kept.
     pub core: Rect,
+    /// With its halo.
     pub region: Rect,
 }
 
