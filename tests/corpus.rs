@@ -6,6 +6,7 @@ mod targets;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use targets::{Check, TARGETS};
@@ -35,8 +36,20 @@ fn outcome(check: Check, file: &Path) -> Result<hush::Result<()>, String> {
     }
 }
 
+/// What is wrong with what the program says to a stage that ends the process that reads it.
+fn wrong_fenced(file: &Path) -> Option<String> {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_hush"));
+    let output = command.args(["shot", "show", "--usd"]).arg(file).stdin(Stdio::null()).output().unwrap();
+    let (said, name) = (String::from_utf8_lossy(&output.stderr), file.file_name().unwrap().to_string_lossy());
+    let sound = output.status.code() == Some(1) && said.contains(&*name) && said.contains("broke down");
+    (!sound).then(|| format!("{}: {said}", output.status))
+}
+
 /// What is wrong with the outcome of a file in a folder of this kind.
 fn wrong(check: Check, kind: &str, file: &Path) -> Option<String> {
+    if file.file_name().is_some_and(|name| name.to_string_lossy().starts_with("fenced")) {
+        return wrong_fenced(file);
+    }
     // Of what was found either will do, but for files whose name says that they are sound.
     let sound = file.file_name().is_some_and(|name| name.to_string_lossy().starts_with("sound"));
     match outcome(check, file) {

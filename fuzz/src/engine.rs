@@ -108,8 +108,13 @@ impl Case {
             assert_inside(&denoised, self.hull());
         }
         if !self.skip.constant && self.skip != NONE {
-            let (whole, _) = engine.denoise_with(&encoded[centre], &neighbours, self.lambda, NONE, SILENT)?;
-            assert_eq!(bits(&denoised), bits(&whole), "leaving out with {:?} is exact", self.skip);
+            let (mut whole, _) = engine.denoise_with(&encoded[centre], &neighbours, self.lambda, NONE, SILENT)?;
+            if let Some(alpha) = whole.alpha.as_mut().filter(|_| left_out.alpha) {
+                // What is filtered may be a rounding away from the 1 that it is.
+                assert!(alpha.iter().all(|a| (a - 1.0).abs() < 1e-6), "alpha is 1 all over the window");
+                alpha.fill(1.0);
+            }
+            assert!(bits(&denoised) == bits(&whole), "leaving out with {:?} is exact", self.skip);
         }
         Ok(())
     }

@@ -15,7 +15,7 @@ pub enum Rule {
     /// them: background, flat and converged parts. They keep their own rendered pixels, within half a float16 step of what would
     /// have been computed.
     Constant,
-    /// Alpha that is 1 all over the window is not filtered. Exact.
+    /// Alpha that is 1 all over the window is not filtered. Exact: the sum of the weights may be a rounding, 6e-8, below 1.
     Opaque,
     /// Neighbours that no pixel of a tile may use (they moved out of the frame, or their pixels are bad). Exact.
     Untrusted,
