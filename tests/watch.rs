@@ -300,7 +300,7 @@ fn wrong_usage_is_refused() {
         (vec!["in/f_0001.exr", "-o", "out"], "name the folder"),
         (vec!["nowhere", "-o", "out", "--once"], "no such folder"),
         (vec!["in", "-o", "out", "--settle", "soon"], "seconds"),
-        (vec!["in", "-o", "out", "--window", "9"], "too wide"),
+        (vec!["in", "-o", "out", "--window", "9"], "out of range: 0 to 3"),
         (vec!["in/sub_####.exr", "-o", "out", "--once"], "holds no .exr"),
     ] {
         let mut command = Command::new(env!("CARGO_BIN_EXE_hush"));
