@@ -13,13 +13,13 @@ use crate::watch::{Waiting, WatchEvent, WatchSummary};
 use crate::words::counted;
 
 /// Tells about a watch.
-pub(super) struct Status {
+pub(super) struct StatusLine {
     mode: Mode,
     bar: ProgressBar,
     last: RefCell<String>,
 }
 
-impl Status {
+impl StatusLine {
     /// Nothing is shown before the first event.
     pub fn new(mode: Mode) -> Self {
         let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::hidden());

@@ -8,7 +8,7 @@ use clap::Args;
 use super::progress::Mode;
 use super::setting_args::{OfRuns, QueryArgs};
 use super::signals::stop_handler;
-use super::status::Status;
+use super::status::StatusLine;
 use super::{CatchSignals, Exit};
 use crate::engine::Engine;
 use crate::error::{Error, Result};
@@ -55,7 +55,7 @@ pub(super) struct WatchArgs {
 /// Runs the subcommand.
 pub(super) fn watch_folder(args: &WatchArgs, catch_signals: CatchSignals) -> Result<Exit> {
     let mode = Mode::choose(args.quiet, args.json);
-    let status = Status::new(mode);
+    let status = StatusLine::new(mode);
     let done = watch_with(args, &status, catch_signals);
     if let (Err(error), Mode::Json) = (&done, mode) {
         // A machine that reads events finds this one there too.
@@ -65,7 +65,7 @@ pub(super) fn watch_folder(args: &WatchArgs, catch_signals: CatchSignals) -> Res
     done
 }
 
-fn watch_with(args: &WatchArgs, status: &Status, catch_signals: CatchSignals) -> Result<Exit> {
+fn watch_with(args: &WatchArgs, status: &StatusLine, catch_signals: CatchSignals) -> Result<Exit> {
     let query = args.shot.query(&[]);
     let settings = query.settings(None)?;
     let output = settings.output()?;

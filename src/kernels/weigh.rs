@@ -64,12 +64,12 @@ pub fn offsets(image: &Planes, phases: usize, phase: usize, size: usize, step: i
 
 /// What [`apply`] needs besides its arguments, reused from segment to segment.
 #[derive(Default)]
-pub struct Weights {
+pub struct TapWeights {
     taps: Vec<f32>,
     scales: Vec<f32>,
 }
 
-impl Weights {
+impl TapWeights {
     /// One over each pixel's sum of weights, [phase][32]; zero where no tap was usable.
     pub fn scales(&self) -> &[f32] {
         &self.scales
@@ -88,7 +88,7 @@ pub fn apply<S: Simd>(
     channels: std::ops::Range<usize>,
     y: usize,
     x: usize,
-    buffers: &mut Weights,
+    buffers: &mut TapWeights,
     out: &mut [f32],
 ) {
     let phases = images[0].offsets.len();

@@ -7,7 +7,7 @@ use super::gathered::Gathered;
 use super::pairs::{Neighbour, Pairs};
 use super::predictor::{Head, Predictor};
 use crate::kernels::planes::Planes;
-use crate::kernels::weigh::{Taps, Weights, apply, offsets};
+use crate::kernels::weigh::{TapWeights, Taps, apply, offsets};
 use crate::kernels::{Channels, FULL_PHASES, pyramid};
 use crate::layers::Activation;
 use crate::layers::SEGMENT;
@@ -151,7 +151,7 @@ fn coarse_row_body<S: Simd>(
     let values = levels.channels.values;
     let stride = line.len() / levels.channels.denoised();
     let mut logits = head.buffers(levels.neighbours.len());
-    let mut weights = Weights::default();
+    let mut weights = TapWeights::default();
     let mut values_of = vec![0.0; values * SEGMENT];
     for x in (0..features.columns()).step_by(SEGMENT) {
         head.predict(s, features, pairs, y, x, &mut logits);
@@ -204,7 +204,7 @@ fn full_row_body<S: Simd>(
     let (pitch, pair_pitch) = (counts.centre + counts.coarse + counts.albedo, counts.neighbour + 1);
     let first = core.column - region.column;
     let mut logits = levels.predictor.full.buffers(levels.neighbours.len());
-    let mut weights = Weights::default();
+    let mut weights = TapWeights::default();
     let mut modulation = vec![0.0; 3 * FULL_PHASES * SEGMENT];
     let mut line = vec![0.0; values * FULL_PHASES * SEGMENT];
     let (image, phases) = (&level.centre, FULL_PHASES);

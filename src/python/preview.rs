@@ -24,26 +24,26 @@ pub fn preview(
     cancel: Option<Py<PyAny>>,
 ) -> PyResult<Py<PyDict>> {
     let mut made = made(py, options, Calls::new(progress, cancel))?;
-    let told = PyDict::new(py);
-    about(&made, &told)?;
+    let found = PyDict::new(py);
+    about(&made, &found)?;
     if made.layers.is_empty() {
-        return Ok(told.unbind());
+        return Ok(found.unbind());
     }
     let LayerPreview { name, noisy, alpha, flicker, variants } = made.layers.swap_remove(0);
-    told.set_item("layer", name)?;
-    told.set_item("noisy", to_numpy(py, with_alpha(noisy, alpha)))?;
-    told.set_item("noisy_flicker", flicker.map(|f| map_of(py, f.change)))?;
+    found.set_item("layer", name)?;
+    found.set_item("noisy", to_numpy(py, with_alpha(noisy, alpha)))?;
+    found.set_item("noisy_flicker", flicker.map(|f| map_of(py, f.change)))?;
     if let Some(variant) = variants.into_iter().next() {
-        about_variant(&variant, &told)?;
-        told.set_item("denoised", to_numpy(py, with_alpha(variant.colour, variant.alpha)))?;
+        about_variant(&variant, &found)?;
+        found.set_item("denoised", to_numpy(py, with_alpha(variant.colour, variant.alpha)))?;
         let (previous, change) = match variant.flicker {
             Some(Flicker { previous, change, .. }) => (Some(to_numpy(py, previous)), Some(map_of(py, change))),
             None => (None, None),
         };
-        told.set_item("previous", previous)?;
-        told.set_item("flicker", change)?;
+        found.set_item("previous", previous)?;
+        found.set_item("flicker", change)?;
     }
-    Ok(told.unbind())
+    Ok(found.unbind())
 }
 
 /// Writes a sheet; `options` are the keywords of `hush.preview_sheet`.
@@ -63,8 +63,8 @@ pub fn preview_sheet(
     let shown = SheetOptions { exposure: get(options, "exposure")?, before_after };
     let made = made(py, options, Calls::new(progress, cancel))?;
     py.detach(|| write_sheet(&made, &shown, &output))?;
-    let told = PyDict::new(py);
-    about(&made, &told)?;
+    let found = PyDict::new(py);
+    about(&made, &found)?;
     let mut tiles = Vec::new();
     for layer in &made.layers {
         for variant in &layer.variants {
@@ -75,8 +75,8 @@ pub fn preview_sheet(
             tiles.push(tile);
         }
     }
-    told.set_item("tiles", tiles)?;
-    Ok(told.unbind())
+    found.set_item("tiles", tiles)?;
+    Ok(found.unbind())
 }
 
 /// What Python wants to hear and say in between.
@@ -140,21 +140,21 @@ fn made(py: Python<'_>, options: &Bound<'_, PyDict>, calls: Calls) -> PyResult<P
     }
 }
 
-fn about(made: &Preview, told: &Bound<'_, PyDict>) -> PyResult<()> {
+fn about(made: &Preview, found: &Bound<'_, PyDict>) -> PyResult<()> {
     let Region { x, y, width, height } = made.region;
-    told.set_item("frame", made.frame)?;
-    told.set_item("region", (x, y, width, height))?;
-    told.set_item("columns", made.columns)?;
-    told.set_item("rows", made.rows)?;
-    told.set_item("notes", &made.notes)
+    found.set_item("frame", made.frame)?;
+    found.set_item("region", (x, y, width, height))?;
+    found.set_item("columns", made.columns)?;
+    found.set_item("rows", made.rows)?;
+    found.set_item("notes", &made.notes)
 }
 
-fn about_variant(variant: &Variant, told: &Bound<'_, PyDict>) -> PyResult<()> {
-    told.set_item("lam", variant.lambda)?;
-    told.set_item("window", variant.window)?;
-    told.set_item("neighbours", &variant.neighbours)?;
-    told.set_item("seconds", variant.seconds)?;
-    told.set_item("change", variant.flicker.as_ref().and_then(|f| f.mean))
+fn about_variant(variant: &Variant, found: &Bound<'_, PyDict>) -> PyResult<()> {
+    found.set_item("lam", variant.lambda)?;
+    found.set_item("window", variant.window)?;
+    found.set_item("neighbours", &variant.neighbours)?;
+    found.set_item("seconds", variant.seconds)?;
+    found.set_item("change", variant.flicker.as_ref().and_then(|f| f.mean))
 }
 
 fn map_of(py: Python<'_>, map: Array2<f32>) -> Py<PyArray2<f32>> {

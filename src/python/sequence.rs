@@ -94,12 +94,12 @@ pub fn denoise_sequence(
 fn run_beside(job: &Job, engine: &Engine, calls: Calls) -> (Result<Summary>, Option<PyErr>) {
     let (events_in, events) = channel();
     let (seen_in, seen) = channel();
-    let (told, token) = (calls.progress.is_some(), calls.token.clone());
+    let (with_progress, token) = (calls.progress.is_some(), calls.token.clone());
     thread::scope(|scope| {
         let worker = scope.spawn(move || {
             let report = |event: Event<'_>| {
                 // The run waits until Python has dealt with the event, so that it can stop the run before the next frame.
-                if told && events_in.send(to_json(&event)).is_ok() {
+                if with_progress && events_in.send(to_json(&event)).is_ok() {
                     let _ = seen.recv();
                 }
             };

@@ -9,11 +9,11 @@ use super::currency::{Wanted, same_input, why_stale};
 use super::events::Status;
 use super::file_state::{FileMemory, FileState, Stamp};
 use super::frame_settings::FrameSettings;
+use super::input_file::InputFile;
 use super::job::Job;
 use super::ledger::Ledger;
 use super::manifest::{Entry, MANIFEST, Manifest, NeighbourEntry};
 use super::output::{check_output, output_path};
-use super::source::Source;
 use crate::engine::Identity;
 use crate::error::{Error, Result};
 use crate::rules::checks::{self, Header, Warning, WarningKind};
@@ -74,7 +74,7 @@ pub struct Plan {
 pub(super) struct Sources {
     /// The first and the last frame of the shot.
     ends: Option<(i64, i64)>,
-    pub good: BTreeMap<i64, Source>,
+    pub good: BTreeMap<i64, InputFile>,
     pub bad: BTreeMap<i64, String>,
     /// The files as they are when the run starts.
     pub stamps: BTreeMap<i64, Option<Stamp>>,
@@ -212,7 +212,7 @@ pub(super) fn open_sources(
     let selection = job.selection();
     for frame in job.sequence.frames.iter().filter(|f| near(f.number)) {
         sources.stamps.insert(frame.number, Stamp::of(&frame.path));
-        match files.layout(&frame.path).and_then(|layout| Source::new(frame.number, layout, &selection)) {
+        match files.layout(&frame.path).and_then(|layout| InputFile::new(frame.number, layout, &selection)) {
             Ok(source) => _ = sources.good.insert(frame.number, source),
             Err(error) => {
                 sources.bad.insert(frame.number, error.to_string());
@@ -289,7 +289,7 @@ fn plan_frames(
                     match why_stale(entry, &output, &wanted, manifest, files) {
                         None => Action::Skip,
                         Some(stale) => {
-                            let vectors = sources.good.get(&number).and_then(Source::vector_layer);
+                            let vectors = sources.good.get(&number).and_then(InputFile::vector_layer);
                             let loss = why_worse(job, entry, manifest, vectors, &window);
                             worse.extend(loss.filter(|_| same_input(entry, &job.sequence, files)).map(|why| (number, why)));
                             Action::Denoise(Some(stale.reason))

@@ -1,4 +1,4 @@
-//! How far the frame in hand is: told now and then, and not at all of frames that are done in a second.
+//! How far the frame in hand is: reported now and then, and not at all of frames that are done in a second.
 
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::thread;
@@ -21,15 +21,15 @@ pub(super) struct FrameProgress<'a> {
     /// Frames of the window that are still to be read, of so many.
     to_read: usize,
     reads: usize,
-    told: f64,
-    /// Reached and not told yet.
+    reported: f64,
+    /// Reached and not reported yet.
     reached: f64,
 }
 
 impl<'a> FrameProgress<'a> {
     /// Of a frame that `reads` frames are to be read for.
     pub fn new(report: &'a dyn Fn(Event<'_>), frame: i64, reads: usize) -> Self {
-        Self { report, frame, due: Instant::now() + QUIET, to_read: reads, reads, told: 0.0, reached: 0.0 }
+        Self { report, frame, due: Instant::now() + QUIET, to_read: reads, reads, reported: 0.0, reached: 0.0 }
     }
 
     /// One more frame of the window was read and encoded.
@@ -38,16 +38,16 @@ impl<'a> FrameProgress<'a> {
         self.reach(0.0);
     }
 
-    /// Does the work on a thread of its own, and tells on this one what it says about how far it is, 0…1.
+    /// Does the work on a thread of its own, and reports on this one what it says about how far it is, 0…1.
     pub fn follow<T: Send>(&mut self, work: impl FnOnce(&(dyn Fn(f64) + Sync)) -> T + Send) -> T {
-        let (told, heard) = channel();
+        let (fractions, reached) = channel();
         thread::scope(|scope| {
-            let worker = scope.spawn(move || work(&move |fraction| _ = told.send(fraction)));
+            let worker = scope.spawn(move || work(&move |fraction| _ = fractions.send(fraction)));
             loop {
-                let wait = if self.reached > self.told { self.due.saturating_duration_since(Instant::now()) } else { QUIET };
-                match heard.recv_timeout(wait) {
+                let wait = if self.reached > self.reported { self.due.saturating_duration_since(Instant::now()) } else { QUIET };
+                match reached.recv_timeout(wait) {
                     Ok(fraction) => self.reach(fraction),
-                    Err(RecvTimeoutError::Timeout) => self.tell(),
+                    Err(RecvTimeoutError::Timeout) => self.report_due(),
                     Err(RecvTimeoutError::Disconnected) => break,
                 }
             }
@@ -60,16 +60,16 @@ impl<'a> FrameProgress<'a> {
         let reads = READING * self.reads as f64;
         let read = READING * (self.reads - self.to_read) as f64;
         self.reached = self.reached.max((read + fraction) / (reads + 1.0));
-        self.tell();
+        self.report_due();
     }
 
-    /// Tells what is new, where it is time.
-    fn tell(&mut self) {
+    /// Reports what is new, where it is time.
+    fn report_due(&mut self) {
         let now = Instant::now();
         // Thousandths: more would be noise.
         let fraction = (1000.0 * self.reached).round() / 1000.0;
-        if fraction > self.told && now >= self.due {
-            (self.due, self.told) = (now + EVERY, fraction);
+        if fraction > self.reported && now >= self.due {
+            (self.due, self.reported) = (now + EVERY, fraction);
             (self.report)(Event::Progress { frame: self.frame, fraction });
         }
     }
@@ -95,16 +95,16 @@ mod tests {
 
     #[test]
     fn a_fast_frame_tells_nothing() {
-        let work = |told: &(dyn Fn(f64) + Sync)| (0..=100).for_each(|i| told(f64::from(i) / 100.0));
+        let work = |reached: &(dyn Fn(f64) + Sync)| (0..=100).for_each(|i| reached(f64::from(i) / 100.0));
         assert_eq!(heard(3, work), []);
     }
 
     #[test]
     fn a_slow_frame_tells_after_a_second_at_most_five_times_a_second_and_rising() {
         let began = Instant::now();
-        let events = heard(0, |told| {
+        let events = heard(0, |reached| {
             for i in 0..=190 {
-                told(f64::from(i) / 190.0);
+                reached(f64::from(i) / 190.0);
                 thread::sleep(Duration::from_millis(10));
             }
         });
@@ -115,9 +115,9 @@ mod tests {
     }
 
     #[test]
-    fn what_was_reached_early_is_told_when_it_is_time() {
-        let events = heard(0, |told| {
-            told(0.25);
+    fn what_was_reached_early_is_reported_when_it_is_time() {
+        let events = heard(0, |reached| {
+            reached(0.25);
             thread::sleep(Duration::from_millis(1300));
         });
         assert_eq!(events.iter().map(|e| e.1).collect::<Vec<_>>(), [0.25]);
@@ -125,9 +125,9 @@ mod tests {
 
     #[test]
     fn reading_counts() {
-        let events = heard(4, |told| {
+        let events = heard(4, |reached| {
             thread::sleep(Duration::from_millis(1100));
-            told(0.5);
+            reached(0.5);
             thread::sleep(Duration::from_millis(300));
         });
         let fractions: Vec<f64> = events.iter().map(|e| e.1).collect();

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::source::Source;
+use super::input_file::InputFile;
 use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::io::sequence::Sequence;
@@ -23,7 +23,7 @@ pub struct Scope {
     /// Frames asked for or near them that cannot be read, and why.
     pub bad: BTreeMap<i64, String>,
     numbers: Vec<i64>,
-    good: BTreeMap<i64, Source>,
+    good: BTreeMap<i64, InputFile>,
 }
 
 impl Scope {
@@ -45,7 +45,7 @@ impl Scope {
         let reach = asked.unwrap_or(DEFAULT_WINDOW).max(reach) as u64;
         let (mut good, mut bad, mut first_error) = (BTreeMap::new(), BTreeMap::new(), None);
         for frame in sequence.frames.iter().filter(|f| wanted.iter().any(|w| w.abs_diff(f.number) <= reach)) {
-            match Source::open(frame.number, &frame.path, selection) {
+            match InputFile::open(frame.number, &frame.path, selection) {
                 Ok(source) => _ = good.insert(frame.number, source),
                 Err(error) => {
                     bad.insert(frame.number, error.to_string());

@@ -13,7 +13,7 @@ use crate::rules::checks::Header;
 use crate::rules::window::Availability;
 
 /// A readable file of the sequence.
-pub(super) struct Source {
+pub(super) struct InputFile {
     pub path: PathBuf,
     pub layout: Arc<Layout>,
     /// The stereo views to denoise; one where there is one image.
@@ -22,7 +22,7 @@ pub(super) struct Source {
     passes: u64,
 }
 
-impl Source {
+impl InputFile {
     /// Reads the header and picks the passes.
     pub fn open(number: i64, path: &Path, selection: &Selection) -> Result<Self> {
         Self::new(number, Arc::new(read_layout(path)?), selection)
@@ -97,5 +97,5 @@ impl Source {
 
 /// Whether a frame will have motion vectors.
 pub(crate) fn has_vector(path: &Path, selection: &Selection) -> Result<bool> {
-    Source::open(0, path, selection).map(|source| source.header.vector)
+    InputFile::open(0, path, selection).map(|source| source.header.vector)
 }
