@@ -102,7 +102,7 @@ pub struct Timing {
 pub fn survey(scope: &Scope, engine: &Engine, timed: bool, progress: &dyn Fn(usize), cancel: &CancelToken) -> Result<Survey> {
     let mut look = Look { scope, ring: BTreeMap::new(), opaque: BTreeMap::new(), failed: scope.bad.clone(), first_error: None };
     let (mut frames, mut each) = (Vec::new(), Vec::new());
-    let skip = Skip::of(&engine.identity().skip);
+    let skip = engine.skip();
     let all = RULES.into_iter().fold(skip, |skip, rule| skip.with(rule, true));
     for (done, &number) in scope.frames.iter().enumerate() {
         let around = scope.around(number, scope.window);

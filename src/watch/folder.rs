@@ -10,6 +10,7 @@ use super::events::WatchEvent;
 use super::folder_events::{Changes, FolderEvents, is_remote};
 use super::shots::Shot;
 use super::tree::{FrameFile, ShotKey, Tree};
+use crate::engine::Identity;
 use crate::error::{Error, Result};
 use crate::io::sequence::Sequence;
 use crate::rules::checks::WarningKind;
@@ -29,6 +30,7 @@ pub(super) struct Folder<'a> {
     options: &'a WatchOptions,
     report: &'a dyn Fn(WatchEvent<'_>),
     job: &'a dyn Fn(Sequence) -> Result<Job>,
+    engine: &'a Identity,
     events: FolderEvents,
     /// The input folder, as the system knows it; none while it is not there.
     root: Option<(u64, u64)>,
@@ -47,6 +49,7 @@ impl<'a> Folder<'a> {
     pub fn new(
         options: &'a WatchOptions,
         job: &'a dyn Fn(Sequence) -> Result<Job>,
+        engine: &'a Identity,
         report: &'a dyn Fn(WatchEvent<'_>),
         began: Instant,
     ) -> Result<Self> {
@@ -59,6 +62,7 @@ impl<'a> Folder<'a> {
             options,
             report,
             job,
+            engine,
             events: FolderEvents::off(),
             root: None,
             real_input: PathBuf::new(),
@@ -190,7 +194,7 @@ impl<'a> Folder<'a> {
             if self.refused.get(&*file.key).is_some_and(|(until, _)| now < *until) {
                 return Ok(());
             }
-            match Shot::new(&self.tree, &file, self.options, self.job) {
+            match Shot::new(&self.tree, &file, self.options, self.job, self.engine) {
                 Ok(shot) => _ = self.shots.insert(ShotKey::clone(&file.key), shot),
                 Err(error) if self.options.once && !matches!(error, Error::SwitchedOff { .. }) => return Err(error),
                 // The other shots are not to suffer from it; the settings may be mended.

@@ -46,7 +46,13 @@ impl Shot {
     ///
     /// # Errors
     /// Its settings cannot be had.
-    pub fn new(tree: &Tree, file: &FrameFile, options: &WatchOptions, job: &dyn Fn(Sequence) -> Result<Job>) -> Result<Self> {
+    pub fn new(
+        tree: &Tree,
+        file: &FrameFile,
+        options: &WatchOptions,
+        job: &dyn Fn(Sequence) -> Result<Job>,
+        engine: &Identity,
+    ) -> Result<Self> {
         let key = ShotKey::clone(&file.key);
         let path = tree.source(&key, file.number, file.digits);
         let frames = vec![SequenceFrame { number: file.number, path }];
@@ -68,7 +74,7 @@ impl Shot {
             key,
             frames: Frames::default(),
             rules,
-            engine: job.settings.identity()?,
+            engine: engine.clone(),
             job,
             digits: BTreeMap::new(),
             warned: BTreeSet::new(),

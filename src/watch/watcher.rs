@@ -46,7 +46,7 @@ impl<'a> Watcher<'a> {
         cancel: &'a CancelToken,
     ) -> Result<Self> {
         let began = Instant::now();
-        let folder = Folder::new(options, job, report, began)?;
+        let folder = Folder::new(options, job, engine.identity(), report, began)?;
         let worker = Worker::new(options.once, engine, report, cancel, began);
         Ok(Self { options, report, cancel, folder, worker, next_trim: TRIM, reported: None, began })
     }
