@@ -48,9 +48,10 @@ impl Case {
     }
 }
 
-fn engine(isa: Isa, memory: Option<u64>) -> Engine {
-    let weights = Weights::from_bytes("golden", MODEL).unwrap();
-    Engine::from_weights(&weights, Settings { isa: Some(isa), memory, ..Settings::default() }).unwrap()
+fn engine(isa: Isa, albedo_levels: usize) -> Engine {
+    let mut weights = Weights::from_bytes("golden", MODEL).unwrap();
+    weights.architecture.albedo_levels = albedo_levels;
+    Engine::from_weights(&weights, Settings { isa: Some(isa), ..Settings::default() }).unwrap()
 }
 
 /// Compares (rows, columns, channels) with PyTorch's (channels, rows, columns).
@@ -79,8 +80,9 @@ fn image_of_features(features: &Features) -> Array3<f32> {
 #[test]
 fn every_stage_agrees_with_pytorch_on_every_isa() {
     for isa in Isa::available() {
-        let engine = engine(isa, None);
-        for name in ["window2", "odd", "window0", "uneven", "window3"] {
+        let [plain, deep] = [1, 3].map(|levels| engine(isa, levels));
+        for name in ["window2", "odd", "window0", "uneven", "window3", "plain_albedo"] {
+            let engine = if name == "plain_albedo" { &plain } else { &deep };
             let case = Case::read(name);
             let what = |stage: &str| format!("{name} {stage} on {isa:?}");
             let centre = case.0["centre"][0] as usize;

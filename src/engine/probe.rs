@@ -78,9 +78,9 @@ impl Engine {
             let (pitch, near_pitch) =
                 if phases == 1 { (0, 0) } else { (counts.centre + counts.coarse + counts.albedo, counts.neighbour + 1) };
             let size = (out.rows, out.columns);
-            let own = Kernels { width: self.widths[0], pitch, phases, queries: head.queries };
+            let own = Kernels { width: self.widths[0], pitch, phases, queries: head.starts.queries };
             own.move_by_keys(&mut out.centre, size, &level.centre, key);
-            let near = Kernels { width: self.widths[1], pitch: near_pitch, phases, queries: head.pair_queries };
+            let near = Kernels { width: self.widths[1], pitch: near_pitch, phases, queries: head.pair_starts.queries };
             out.pairs.iter_mut().zip(&level.neighbours).for_each(|(pair, image)| near.move_by_keys(pair, size, image, key));
             out
         };

@@ -44,7 +44,8 @@ impl Engine {
     pub(super) fn work<'a>(&self, centre: &'a EncodedFrame, neighbours: &[(i32, &'a EncodedFrame)], skip: Skip) -> FrameWork<'a> {
         let packed = &centre.packed;
         let mut left_out = LeftOut::default();
-        let mut channels = Channels::new(packed.extra, packed.has_alpha);
+        let coarse_modulation = self.predictor.albedo_levels > 1;
+        let mut channels = Channels { coarse_modulation, ..Channels::new(packed.extra, packed.has_alpha) };
         let paths = paths(centre, neighbours);
         let window = || paths.iter().map(Path::neighbour).chain([centre]);
         if skip.opaque && channels.alpha && window().all(|f| f.ranges.opaque) {

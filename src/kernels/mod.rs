@@ -10,8 +10,8 @@ use crate::frame::packed::{INVALID, MODULATION};
 /// The 2×2 pixels of a half-resolution pixel, each a plane of its own at full resolution.
 pub const FULL_PHASES: usize = 4;
 
-/// Which channel of a level's planes is which: values (colour 3, then alpha and AOVs), the mask, the key, and at full resolution the
-/// modulation.
+/// Which channel of a level's planes is which: values (colour 3, then alpha and AOVs), the mask, the key, and the modulation: at full
+/// resolution, and at the coarser levels where the albedo is filtered there too. A denoised level's modulation has a mask of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Channels {
     /// Channels that the kernels filter.
@@ -20,18 +20,20 @@ pub struct Channels {
     pub alpha: bool,
     /// Extra channels of the packed frame that are not filtered, before those that are: an alpha of 1.
     pub skipped: usize,
+    /// Whether the coarser levels have the modulation.
+    pub coarse_modulation: bool,
 }
 
 impl Channels {
     /// For a frame with `extra` channels besides its colour, the first of them alpha or not.
     pub fn new(extra: usize, alpha: bool) -> Self {
-        Self { values: 3 + extra, alpha, skipped: 0 }
+        Self { values: 3 + extra, alpha, skipped: 0, coarse_modulation: false }
     }
 
     /// Without alpha, if there is one.
     pub fn opaque(self) -> Self {
         let alpha = usize::from(self.alpha);
-        Self { values: self.values - alpha, alpha: false, skipped: self.skipped + alpha }
+        Self { values: self.values - alpha, alpha: false, skipped: self.skipped + alpha, ..self }
     }
 
     /// Groups of a packed frame that hold these channels.
@@ -52,9 +54,14 @@ impl Channels {
         self.values + 1
     }
 
-    /// The first of three modulation channels, at full resolution only.
+    /// The first of three modulation channels.
     pub fn modulation(&self) -> usize {
         self.values + 2
+    }
+
+    /// The channel of a denoised level that is 1 where its modulation may be used.
+    pub fn modulation_mask(&self) -> usize {
+        self.values + 5
     }
 
     /// Channels at full resolution.
@@ -64,12 +71,18 @@ impl Channels {
 
     /// Channels at the coarser levels.
     pub fn coarse(&self) -> usize {
-        self.values + 2
+        self.values + if self.coarse_modulation { 5 } else { 2 }
     }
 
-    /// Channels of a denoised coarser level: the values and the mask.
+    /// Channels of a denoised coarser level: the values and the mask, and what is there of the modulation.
     pub fn denoised(&self) -> usize {
-        self.values + 1
+        self.values + if self.coarse_modulation { 6 } else { 1 }
+    }
+
+    /// The channels that down-sampling averages.
+    pub fn averaged(&self) -> impl Iterator<Item = usize> + use<> {
+        let modulation = if self.coarse_modulation { self.modulation()..self.modulation() + 3 } else { 0..0 };
+        (0..self.values).chain(modulation)
     }
 
     /// The modulation channel, 0 to 2, that a value is multiplied by at the end; none for alpha.

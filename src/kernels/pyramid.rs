@@ -15,7 +15,7 @@ pub fn down_from_full(isa: Isa, full: &Planes, channels: &Channels, margin: usiz
         let four = |channel: usize| [phase(channel, 0), phase(channel, 1), phase(channel, 2), phase(channel, 3)];
         let masks = four(channels.mask());
         let columns = full.columns();
-        for channel in 0..channels.values {
+        for channel in channels.averaged() {
             let ([a, b, c, d], [ma, mb, mc, md]) = (four(channel), masks);
             let to = &mut row.plane(channel)[..columns];
             for x in 0..columns {
@@ -39,7 +39,7 @@ pub fn down(isa: Isa, half: &Planes, channels: &Channels, margin: usize, exposur
     out.rows_mut().enumerate().for_each(|(y, mut row)| {
         let mask = [half.row(channels.mask(), 2 * y), half.row(channels.mask(), 2 * y + 1)];
         let four = |rows: [&[f32]; 2], x: usize| [rows[0][2 * x], rows[0][2 * x + 1], rows[1][2 * x], rows[1][2 * x + 1]];
-        for channel in 0..channels.values {
+        for channel in channels.averaged() {
             let from = [half.row(channel, 2 * y), half.row(channel, 2 * y + 1)];
             for (x, to) in row.plane(channel).iter_mut().enumerate() {
                 let (v, m) = (four(from, x), four(mask, x));

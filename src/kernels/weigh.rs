@@ -2,7 +2,6 @@
 //!
 //! Image by image rather than pixel by pixel: the lines of one image stay in the first-level cache while all sub-pixels use them.
 
-use super::Channels;
 use super::planes::Planes;
 use crate::layers::SEGMENT;
 use crate::simd::Simd;
@@ -24,6 +23,8 @@ pub struct Taps<'a> {
     pub logits: &'a [f32],
     /// Taps between the logits of one output phase and the next.
     pub pitch: usize,
+    /// The channel that is 1 where a pixel may be used.
+    pub mask: usize,
     /// [output phase][2][32]: a tap's logit gets the first times its key and the second times its key squared. None without keys.
     pub queries: Option<&'a [f32]>,
 }
@@ -78,13 +79,13 @@ impl TapWeights {
 
 /// Softmax over the images' taps, those outside the mask left out, and the weighted sums of `channels`: `out` [channel][phase][32].
 ///
-/// `y`, `x` count the images' pixels (half-resolution pixels where they have four phases); `layout` tells which channel is which.
+/// `y`, `x` count the images' pixels (half-resolution pixels where they have four phases); `key` is the channel of the taps' keys.
 #[inline(always)]
 #[allow(clippy::too_many_arguments)]
 pub fn apply<S: Simd>(
     s: S,
     images: &[Taps],
-    layout: &Channels,
+    key: usize,
     channels: std::ops::Range<usize>,
     y: usize,
     x: usize,
@@ -96,16 +97,7 @@ pub fn apply<S: Simd>(
     buffers.taps.resize(phases * total * SEGMENT, 0.0);
     buffers.scales.resize(phases * SEGMENT, 0.0);
     for phase in 0..phases {
-        weigh(
-            s,
-            images,
-            layout,
-            phase,
-            y,
-            x,
-            &mut buffers.taps[phase * total * SEGMENT..],
-            &mut buffers.scales[phase * SEGMENT..],
-        );
+        weigh(s, images, key, phase, y, x, &mut buffers.taps[phase * total * SEGMENT..], &mut buffers.scales[phase * SEGMENT..]);
     }
     let size = channels.len() * phases * SEGMENT;
     out[..size].fill(0.0);
@@ -171,22 +163,14 @@ fn add<S: Simd, const N: usize>(s: S, image: &Taps, at: Place, weights: &[f32], 
 /// Weights [tap][32] of one output phase before normalisation, and what to multiply the sums by.
 #[inline(always)]
 #[allow(clippy::too_many_arguments)]
-fn weigh<S: Simd>(
-    s: S,
-    images: &[Taps],
-    channels: &Channels,
-    phase: usize,
-    y: usize,
-    x: usize,
-    weights: &mut [f32],
-    scales: &mut [f32],
-) {
+fn weigh<S: Simd>(s: S, images: &[Taps], key: usize, phase: usize, y: usize, x: usize, weights: &mut [f32], scales: &mut [f32]) {
     let (low, high, above) = (s.splat(-LOGIT_LIMIT), s.splat(LOGIT_LIMIT), s.splat(2.0 * LOGIT_LIMIT));
     // A usable tap counts from above all that are not, so that those never matter, not even for the rounding.
     let mut greatest = [low; 2];
     let mut slots = weights.chunks_exact_mut(SEGMENT);
     for image in images {
-        let (mask, key) = (image.start(channels.mask(), y, x), image.start(channels.key(), y, x));
+        let mask = image.start(image.mask, y, x);
+        let key = image.queries.map_or(mask, |_| image.start(key, y, x));
         let logits = &image.logits[phase * image.pitch * SEGMENT..][..image.len() * SEGMENT];
         let data = image.image.data();
         let mut query = [[s.splat(0.0); 2]; 2];
@@ -215,7 +199,7 @@ fn weigh<S: Simd>(
     let mut norm = [s.splat(0.0); 2];
     let mut slots = weights.chunks_exact_mut(SEGMENT);
     for image in images {
-        let mask = image.start(channels.mask(), y, x);
+        let mask = image.start(image.mask, y, x);
         for (offset, slot) in image.offsets[phase].iter().zip(&mut slots) {
             let usable = &image.image.data()[(mask + offset) as usize..][..SEGMENT];
             for part in 0..2 {

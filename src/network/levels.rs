@@ -73,10 +73,14 @@ impl Levels<'_> {
         let mut out: Vec<Planes> = Vec::new();
         for (k, images) in self.pyramid.coarse.iter().enumerate().rev() {
             let coarser = out.last().map(|planes| pyramid::up(planes, self.margins.coarse));
-            let pairs = self.pairs(k);
-            out.push(self.coarse_level(&self.predictor.coarse[k], (&self.features[k], pairs), images, coarser.as_ref()));
+            out.push(self.coarse_level(k, images, coarser.as_ref()));
         }
         out
+    }
+
+    /// Whether the albedo has kernels on a level, 0 the full resolution.
+    fn filters_albedo(&self, level: usize) -> bool {
+        level < self.predictor.albedo_levels
     }
 
     /// The neighbours at a resolution below the full one, half the first.
@@ -99,13 +103,18 @@ impl Levels<'_> {
 
     /// A level below full resolution: values and mask over the whole region, zero outside it. What holds no usable pixel itself is
     /// usable where any of its taps was: that fills holes from afar.
-    fn coarse_level(&self, head: &Head, known: (&Activation, Pairs), level: &Level, coarser: Option<&Planes>) -> Planes {
+    fn coarse_level(&self, k: usize, level: &Level, coarser: Option<&Planes>) -> Planes {
+        let (head, known) = (&self.predictor.coarse[k], (&self.features[k], self.pairs(k)));
         let reach = self.reach(level, 1, self.widths[0], self.widths[1], coarser.map(|c| (c, 2)));
+        let albedo = self.filters_albedo(k + 1).then(|| {
+            let coarser = coarser.filter(|_| self.filters_albedo(k + 2));
+            (self.reach(level, 1, self.widths[3], 1, coarser.map(|c| (c, 2))), coarser)
+        });
         let (rows, columns) = (level.centre.rows(), level.centre.columns());
         let mut out = level.centre.same_pool(self.channels.denoised(), rows, columns, self.margins.coarse);
         out.rows_mut().enumerate().for_each(|(y, mut row)| {
             let mut line = vec![0.0; self.channels.denoised() * known.0.columns().next_multiple_of(SEGMENT)];
-            coarse_row(self.isa, self, head, known, level, coarser, &reach, y, &mut line);
+            coarse_row(self.isa, self, head, known, level, coarser, &reach, albedo.as_ref(), y, &mut line);
             let stride = line.len() / self.channels.denoised();
             for (channel, from) in line.chunks_exact(stride).enumerate() {
                 let to = row.plane(channel);
@@ -123,7 +132,7 @@ impl Levels<'_> {
         let level = &self.pyramid.full;
         let [centre, neighbour, _, albedo] = self.widths;
         let reach = self.reach(level, FULL_PHASES, centre, neighbour, half.map(|h| (h, 1)));
-        let albedo = self.reach(level, FULL_PHASES, albedo, 1, None);
+        let albedo = self.reach(level, FULL_PHASES, albedo, 1, half.filter(|_| self.filters_albedo(1)).map(|h| (h, 1)));
         let mut out = Array3::zeros((2 * core.rows, 2 * core.columns, values));
         let width = 2 * core.columns * values;
         if let Some(out) = out.as_slice_mut() {
@@ -145,33 +154,56 @@ fn coarse_row_body<S: Simd>(
     level: &Level,
     coarser: Option<&Planes>,
     reach: &Reach,
+    albedo: Option<&(Reach, Option<&Planes>)>,
     y: usize,
     line: &mut [f32],
 ) {
-    let values = levels.channels.values;
-    let stride = line.len() / levels.channels.denoised();
+    let (channels, counts) = (levels.channels, levels.predictor.taps);
+    let values = channels.values;
+    let stride = line.len() / channels.denoised();
     let mut logits = head.buffers(levels.neighbours.len());
     let mut weights = TapWeights::default();
     let mut values_of = vec![0.0; values * SEGMENT];
+    let mut modulation = vec![0.0; 3 * SEGMENT];
     for x in (0..features.columns()).step_by(SEGMENT) {
         head.predict(s, features, pairs, y, x, &mut logits);
         let centre = &logits.centre;
-        let own = Taps { image: &level.centre, phases: 1, offsets: &reach.centre, logits: centre, pitch: 0, queries: None };
-        let mut taps = vec![Taps { queries: Some(&centre[head.queries * SEGMENT..]), ..own }];
+        let mask = channels.mask();
+        let own = Taps { image: &level.centre, phases: 1, offsets: &reach.centre, logits: centre, pitch: 0, mask, queries: None };
+        let mut taps = vec![Taps { queries: Some(&centre[head.starts.queries * SEGMENT..]), ..own }];
         if let Some(image) = coarser {
-            let logits = &centre[levels.predictor.taps.centre * SEGMENT..];
+            let logits = &centre[counts.centre * SEGMENT..];
             taps.push(Taps { image, offsets: &reach.coarse, logits, ..own });
         }
         for ((image, offsets), logits) in level.neighbours.iter().zip(&reach.neighbours).zip(&logits.pairs) {
-            taps.push(Taps { image, offsets, logits, queries: Some(&logits[head.pair_queries * SEGMENT..]), ..own });
+            taps.push(Taps { image, offsets, logits, queries: Some(&logits[head.pair_starts.queries * SEGMENT..]), ..own });
         }
-        apply(s, &taps, &levels.channels, 0..values, y, x, &mut weights, &mut values_of);
-        for (channel, from) in values_of.chunks_exact(SEGMENT).enumerate() {
-            line[channel * stride + x..][..SEGMENT].copy_from_slice(from);
+        apply(s, &taps, channels.key(), 0..values, y, x, &mut weights, &mut values_of);
+        put(line, stride, 0, mask, x, &values_of, &weights);
+        let Some((reach, coarser)) = albedo else { continue };
+        let logits_of = &centre[head.starts.albedo * SEGMENT..];
+        let mut taps = vec![Taps { offsets: &reach.centre, logits: logits_of, ..own }];
+        if let Some(image) = coarser {
+            let (logits, mask) = (&logits_of[counts.albedo * SEGMENT..], channels.modulation_mask());
+            taps.push(Taps { image, offsets: &reach.coarse, logits, mask, ..own });
         }
-        let mask = &mut line[levels.channels.mask() * stride + x..][..SEGMENT];
-        mask.iter_mut().zip(weights.scales()).for_each(|(to, scale)| *to = f32::from(*scale > 0.0));
+        for ((image, offsets), logits) in level.neighbours.iter().zip(&reach.neighbours).zip(&logits.pairs) {
+            taps.push(Taps { image, offsets, logits: &logits[head.pair_starts.albedo * SEGMENT..], ..own });
+        }
+        let first = channels.modulation();
+        apply(s, &taps, channels.key(), first..first + 3, y, x, &mut weights, &mut modulation);
+        put(line, stride, first, channels.modulation_mask(), x, &modulation, &weights);
     }
+}
+
+/// Writes a segment's [channel][32] to the channels from `first` on of a row, and to `mask` where any tap was usable.
+#[inline(always)]
+fn put(line: &mut [f32], stride: usize, first: usize, mask: usize, x: usize, found: &[f32], weights: &TapWeights) {
+    for (channel, from) in found.chunks_exact(SEGMENT).enumerate() {
+        line[(first + channel) * stride + x..][..SEGMENT].copy_from_slice(from);
+    }
+    let mask = &mut line[mask * stride + x..][..SEGMENT];
+    mask.iter_mut().zip(weights.scales()).for_each(|(to, scale)| *to = f32::from(*scale > 0.0));
 }
 
 dispatch! {
@@ -182,6 +214,7 @@ dispatch! {
         level: &Level,
         coarser: Option<&Planes>,
         reach: &Reach,
+        albedo: Option<&(Reach, Option<&Planes>)>,
         y: usize,
         line: &mut [f32],
     ) = coarse_row_body
@@ -213,22 +246,27 @@ fn full_row_body<S: Simd>(
         head.predict(s, &levels.features[0], levels.pairs(0), y, x, &mut logits);
         let coarse = &logits.centre[counts.centre * SEGMENT..];
         let of_albedo = &coarse[counts.coarse * SEGMENT..];
-        let own = Taps { image, phases, offsets: &reach.centre, logits: &logits.centre, pitch, queries: None };
-        let mut taps = vec![Taps { queries: Some(&logits.centre[head.queries * SEGMENT..]), ..own }];
+        let mask = channels.mask();
+        let own = Taps { image, phases, offsets: &reach.centre, logits: &logits.centre, pitch, mask, queries: None };
+        let mut taps = vec![Taps { queries: Some(&logits.centre[head.starts.queries * SEGMENT..]), ..own }];
         let mut albedo_taps = vec![Taps { offsets: &albedo.centre, logits: of_albedo, ..own }];
         for (n, (image, logits)) in level.neighbours.iter().zip(&logits.pairs).enumerate() {
             let near = Taps { image, offsets: &reach.neighbours[n], logits, pitch: pair_pitch, ..own };
-            taps.push(Taps { queries: Some(&logits[head.pair_queries * SEGMENT..]), ..near });
+            taps.push(Taps { queries: Some(&logits[head.pair_starts.queries * SEGMENT..]), ..near });
             let logits = &logits[counts.neighbour * SEGMENT..];
             albedo_taps.push(Taps { offsets: &albedo.neighbours[n], logits, ..near });
         }
         if let Some(image) = half {
             taps.push(Taps { image, phases: 1, offsets: &reach.coarse, logits: coarse, ..own });
+            if levels.filters_albedo(1) {
+                let (logits, mask) = (&logits.centre[head.starts.albedo * SEGMENT..], channels.modulation_mask());
+                albedo_taps.push(Taps { image, phases: 1, offsets: &albedo.coarse, logits, pitch: counts.coarse, mask, ..own });
+            }
         }
         let albedo_channels = channels.modulation()..channels.modulation() + 3;
-        apply(s, &albedo_taps, &channels, albedo_channels, y, x, &mut weights, &mut modulation);
+        apply(s, &albedo_taps, channels.key(), albedo_channels, y, x, &mut weights, &mut modulation);
         own_where_zero(&mut modulation, image, channels.modulation(), y, x);
-        apply(s, &taps, &channels, 0..values, y, x, &mut weights, &mut line);
+        apply(s, &taps, channels.key(), 0..values, y, x, &mut weights, &mut line);
         for (channel, line) in line.chunks_exact_mut(FULL_PHASES * SEGMENT).enumerate() {
             let Some(c) = channels.modulated_by(channel) else { continue };
             let modulation = &modulation[c * FULL_PHASES * SEGMENT..][..FULL_PHASES * SEGMENT];

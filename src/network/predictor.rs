@@ -4,7 +4,7 @@
 
 use std::ops::Range;
 
-use ndarray::{Array1, Array4, ArrayView1, Axis, concatenate, s};
+use ndarray::{Array2, ArrayView1, Axis, concatenate, s};
 
 use super::pairs::{Pairs, Row, gather, segment_of};
 use super::temporal::dense;
@@ -36,10 +36,19 @@ pub struct Head {
     pair_centre: Dense,
     pair_neighbour: Dense,
     pair: Dense,
-    /// The output of `centre` at which the queries begin: two for each phase.
-    pub queries: usize,
+    /// Where in `centre`'s outputs what follows the taps begins.
+    pub starts: Starts,
     /// The same of a neighbour's.
-    pub pair_queries: usize,
+    pub pair_starts: Starts,
+}
+
+/// The outputs of a layer at which its groups begin, after the taps.
+#[derive(Clone, Copy, Debug)]
+pub struct Starts {
+    /// The albedo's taps on the pyramid: of full resolution the coarse ones of each phase; below it the image's own, then the coarse ones.
+    pub albedo: usize,
+    /// Queries: two for each phase.
+    pub queries: usize,
 }
 
 /// Buffers of one thread, reused from segment to segment.
@@ -57,11 +66,14 @@ pub struct Logits {
 /// The predictors of the pyramid's levels.
 pub struct Predictor {
     /// Full resolution: for each of four sub-pixels centre, coarse and albedo taps; per neighbour its taps and its albedo tap. Queries
-    /// follow the taps of all sub-pixels.
+    /// follow the taps of all sub-pixels, and before them the albedo's coarse taps where it has any.
     pub full: Head,
-    /// Half resolution and coarser: centre and coarse taps, the coarsest without these; per neighbour its taps.
+    /// Half resolution and coarser: centre and coarse taps, the coarsest without these; per neighbour its taps. The albedo's taps follow
+    /// on the levels that filter it.
     pub coarse: Vec<Head>,
     pub taps: TapCounts,
+    /// Levels on which the albedo has kernels.
+    pub albedo_levels: usize,
 }
 
 impl Predictor {
@@ -77,64 +89,82 @@ impl Predictor {
         };
         let (full, half) = (4 * (taps.centre + taps.coarse + taps.albedo), taps.centre + taps.coarse);
         let (pair_full, pair_half) = (4 * (taps.neighbour + 1), taps.neighbour);
-        // Rows of a layer, then rows of the layer of its queries, as one.
-        let joined =
-            |key: &str, outputs: usize, rows: Range<usize>, query: (&str, usize, Range<usize>), inputs: usize| -> Result<Dense> {
-                let (w, b) = weights.conv(key, outputs, inputs, 1, true)?;
-                let (query_w, query_b) = weights.conv(query.0, query.1, inputs, 1, true)?;
-                let take = |w: &Array4<f32>, rows: &Range<usize>| w.slice(s![rows.clone(), .., 0, 0]).to_owned();
-                let weight = concatenate![Axis(0), take(&w, &rows), take(&query_w, &query.2)];
-                let bias = |b: &Option<Array1<f32>>, rows: &Range<usize>| {
-                    b.iter().flat_map(|b| b.slice(s![rows.clone()]).to_vec()).collect::<Vec<f32>>()
-                };
-                let bias = [bias(&b, &rows), bias(&query_b, &query.2)].concat();
-                Ok(Dense::new(weight.view(), Some(ArrayView1::from(&bias[..]))))
-            };
-        let head = |at: &str, width: usize, (taps, pair_taps): (Part, Part)| -> Result<Head> {
-            let of = |layer: &str, name: &str, part: &Part, inputs: usize| {
-                joined(layer, part.of, part.taps.clone(), (name, part.queries_of, part.queries.clone()), inputs)
-            };
+        let head = |at: &str, width: usize, [taps, albedo, queries]: [(Rows, Rows); 3]| -> Result<Head> {
+            let starts = |taps: &Rows, albedo: &Rows| Starts { albedo: taps.len(), queries: taps.len() + albedo.len() };
             Ok(Head {
                 width,
                 features: a.features,
-                centre: of(&format!("head_{at}"), &format!("query_{at}"), &taps, width)?,
+                starts: starts(&taps.0, &albedo.0),
+                pair_starts: starts(&taps.1, &albedo.1),
+                centre: joined(weights, &[taps.0, albedo.0, queries.0], width)?,
                 pair_centre: dense(weights, &format!("pair_{at}_centre"), a.pair, width, true)?,
                 pair_neighbour: dense(weights, &format!("pair_{at}_neighbour"), a.pair, a.features + EXTRAS, false)?,
-                pair: of(&format!("pair_{at}_head"), &format!("pair_{at}_query"), &pair_taps, a.pair)?,
-                queries: taps.taps.len(),
-                pair_queries: pair_taps.taps.len(),
+                pair: joined(weights, &[taps.1, albedo.1, queries.1], a.pair)?,
             })
         };
-        // One layer predicts the taps of full and half resolution, another their queries.
-        let both = |full: usize, half: usize, taps: Range<usize>, queries: Range<usize>| Part {
-            of: full + half,
-            taps,
-            queries_of: (FULL_PHASES + 1) * QUERIES,
-            queries,
+        // One layer predicts the taps of full and half resolution, another their queries, a third the albedo's on the pyramid.
+        let deep = usize::from(a.albedo_levels > 1);
+        let albedo_full = deep * FULL_PHASES * taps.coarse;
+        let albedo_half = albedo_full + deep * (taps.albedo + taps.coarse);
+        let queries = [FULL_PHASES * QUERIES, (FULL_PHASES + 1) * QUERIES];
+        let rows = |layer: &'static str, of: usize, rows: Range<usize>| Rows { layer, of, rows };
+        let half_taps = |of: Range<usize>, pair: Range<usize>| {
+            (rows("head_half", full + half, of), rows("pair_half_head", pair_full + pair_half, pair))
         };
-        let (first, rest) = (0..FULL_PHASES * QUERIES, FULL_PHASES * QUERIES..(FULL_PHASES + 1) * QUERIES);
-        let of_full = (both(full, half, 0..full, first.clone()), both(pair_full, pair_half, 0..pair_full, first));
-        let of_half = (
-            both(full, half, full..full + half, rest.clone()),
-            both(pair_full, pair_half, pair_full..pair_full + pair_half, rest),
-        );
-        let whole = |taps: usize| Part { of: taps, taps: 0..taps, queries_of: QUERIES, queries: 0..QUERIES };
-        let coarsest = |level: usize| whole(if level == a.levels { taps.centre } else { half });
-        let mut coarse = vec![head("half", a.half, of_half)?];
-        coarse.push(head("quarter", a.quarter, (coarsest(3), whole(taps.neighbour)))?);
+        let half_queries =
+            |of: Range<usize>| (rows("query_half", queries[1], of.clone()), rows("pair_half_query", queries[1], of));
+        let half_albedo = |of: Range<usize>, pair: Range<usize>| {
+            (rows("head_albedo_half", albedo_half, of), rows("pair_albedo_half_head", 1, pair))
+        };
+        let of_full = [half_taps(0..full, 0..pair_full), half_albedo(0..albedo_full, 0..0), half_queries(0..queries[0])];
+        let of_half = [
+            half_taps(full..full + half, pair_full..pair_full + pair_half),
+            half_albedo(albedo_full..albedo_half, 0..deep),
+            half_queries(queries[0]..queries[1]),
+        ];
+        let whole = |layer: &'static str, count: usize| rows(layer, count, 0..count);
+        let coarsest = |level: usize| if level == a.levels { taps.centre } else { half };
+        let of_quarter = [
+            (whole("head_quarter", coarsest(3)), whole("pair_quarter_head", taps.neighbour)),
+            (whole("head_albedo_quarter", deep * taps.albedo), whole("pair_albedo_quarter_head", deep)),
+            (whole("query_quarter", QUERIES), whole("pair_quarter_query", QUERIES)),
+        ];
+        let mut coarse = vec![head("half", a.half, of_half)?, head("quarter", a.quarter, of_quarter)?];
         if a.levels > 3 {
-            coarse.push(head("eighth", a.eighth, (coarsest(4), whole(taps.neighbour)))?);
+            let of_eighth = [
+                (whole("head_eighth", coarsest(4)), whole("pair_eighth_head", taps.neighbour)),
+                (whole("", 0), whole("", 0)),
+                (whole("query_eighth", QUERIES), whole("pair_eighth_query", QUERIES)),
+            ];
+            coarse.push(head("eighth", a.eighth, of_eighth)?);
         }
-        Ok(Self { full: head("half", a.half, of_full)?, coarse, taps })
+        Ok(Self { full: head("half", a.half, of_full)?, coarse, taps, albedo_levels: a.albedo_levels })
     }
 }
 
-/// Which of a layer's outputs are a head's taps, and which of another's its queries.
-struct Part {
+/// Some outputs of a layer of the weights.
+struct Rows {
+    layer: &'static str,
+    /// The layer's outputs in all.
     of: usize,
-    taps: Range<usize>,
-    queries_of: usize,
-    queries: Range<usize>,
+    rows: Range<usize>,
+}
+
+impl Rows {
+    fn len(&self) -> usize {
+        self.rows.len()
+    }
+}
+
+/// Rows of several layers over the same inputs as one; a layer of which nothing is taken need not be there.
+fn joined(weights: &Weights, parts: &[Rows], inputs: usize) -> Result<Dense> {
+    let (mut weight, mut bias) = (Array2::zeros((0, inputs)), Vec::new());
+    for Rows { layer, of, rows } in parts.iter().filter(|part| part.len() > 0) {
+        let (w, b) = weights.conv(layer, *of, inputs, 1, true)?;
+        weight = concatenate![Axis(0), weight, w.slice(s![rows.clone(), .., 0, 0])];
+        bias.extend(b.iter().flat_map(|b| b.slice(s![rows.clone()]).to_vec()));
+    }
+    Ok(Dense::new(weight.view(), Some(ArrayView1::from(&bias[..]))))
 }
 
 impl Head {

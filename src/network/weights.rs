@@ -58,10 +58,21 @@ pub struct Architecture {
     pub coarse_taps: usize,
     /// Width of the albedo's kernels in the centre frame, in taps.
     pub albedo_taps: usize,
+    /// Levels on which the albedo is filtered, from full resolution down, 1 or 3; 1 in files that do not say.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub albedo_levels: usize,
     /// Pyramid levels.
     pub levels: usize,
     /// What is added to the albedo before dividing by it.
     pub albedo_epsilon: f32,
+}
+
+fn one() -> usize {
+    1
+}
+
+fn is_one(levels: &usize) -> bool {
+    *levels == 1
 }
 
 impl Architecture {
@@ -71,6 +82,9 @@ impl Architecture {
         }
         if !(3..=LEVELS).contains(&self.levels) {
             return Err(format!("{} pyramid levels, this build computes 3 or {LEVELS}", self.levels));
+        }
+        if ![1, 3].contains(&self.albedo_levels) {
+            return Err(format!("the albedo on {} levels, this build filters it on 1 or 3", self.albedo_levels));
         }
         let widths = [self.features, self.half, self.quarter, self.eighth, self.pair];
         if widths.iter().any(|w| *w == 0 || w % 16 != 0 || *w > 256) {

@@ -31,11 +31,18 @@ pub(super) struct LevelImage {
     pub cells: Vec<BoundedValue>,
     /// Whether a pixel may be used.
     pub mask: Vec<bool>,
-    /// [row][column]: the albedo plus ε, at full resolution.
-    pub modulation: Vec<[f64; 3]>,
+    /// [row][column]: the albedo plus ε.
+    pub modulation: Vec<[BoundedValue; 3]>,
+    /// Whether a denoised level's modulation may be used; elsewhere `mask` says so.
+    pub modulation_mask: Vec<bool>,
 }
 
 impl LevelImage {
+    /// An image without its pixels yet.
+    pub fn empty(rows: usize, columns: usize, channels: usize) -> Self {
+        Self { rows, columns, channels, cells: Vec::new(), mask: Vec::new(), modulation: Vec::new(), modulation_mask: Vec::new() }
+    }
+
     /// A pixel's index, None outside the image.
     pub fn index(&self, y: isize, x: isize) -> Option<usize> {
         let inside = (0..self.rows as isize).contains(&y) && (0..self.columns as isize).contains(&x);
@@ -53,7 +60,7 @@ impl LevelImage {
         let (rows, columns) = (own_rows.next_multiple_of(ALIGNMENT), own_columns.next_multiple_of(ALIGNMENT));
         let alpha = usize::from(frame.alpha.is_some());
         let channels = 3 + alpha + 3 * frame.aovs.len();
-        let mut out = Self { rows, columns, channels, cells: Vec::new(), mask: Vec::new(), modulation: Vec::new() };
+        let mut out = Self::empty(rows, columns, channels);
         let number = |v: f32| if v.is_finite() { f64::from(v) } else { 0.0 };
         for y in 0..rows {
             for x in 0..columns {
@@ -72,7 +79,7 @@ impl LevelImage {
                     out.cells.extend((0..3).map(|c| BoundedValue::of(at(c) / modulation[c])));
                 }
                 out.mask.push(finite && y < own_rows && x < own_columns);
-                out.modulation.push(modulation);
+                out.modulation.push(modulation.map(BoundedValue::of));
             }
         }
         out
@@ -83,7 +90,7 @@ impl LevelImage {
     pub fn warped(frames: &[&Frame], later: bool, epsilon: f64) -> Self {
         let source = Self::new(frames[frames.len() - 1], epsilon);
         let (rows, columns, channels) = (source.rows, source.columns, source.channels);
-        let mut out = Self { rows, columns, channels, cells: Vec::new(), mask: Vec::new(), modulation: Vec::new() };
+        let mut out = Self::empty(rows, columns, channels);
         for y in 0..rows {
             for x in 0..columns {
                 let (column, row, inside) = follow(&frames[..frames.len() - 1], later, y, x, (rows, columns));
@@ -95,7 +102,7 @@ impl LevelImage {
                 };
                 out.cells.extend((0..channels).map(|c| BoundedValue::of(mean(&|i| source.pixel(i)[c].value))));
                 out.mask.push(inside && unusable == 0.0);
-                out.modulation.push(std::array::from_fn(|c| mean(&|i| source.modulation[i][c])));
+                out.modulation.push(std::array::from_fn(|c| BoundedValue::of(mean(&|i| source.modulation[i][c].value))));
             }
         }
         out
@@ -104,17 +111,19 @@ impl LevelImage {
     /// Half the size: means of the usable pixels of 2×2.
     pub fn down(&self) -> Self {
         let (rows, columns, channels) = (self.rows / 2, self.columns / 2, self.channels);
-        let mut out = Self { rows, columns, channels, cells: Vec::new(), mask: Vec::new(), modulation: Vec::new() };
+        let mut out = Self::empty(rows, columns, channels);
         for y in 0..rows {
             for x in 0..columns {
                 let four = [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(dy, dx)| (2 * y + dy) * self.columns + 2 * x + dx);
                 let usable: Vec<usize> = four.into_iter().filter(|i| self.mask[*i]).collect();
                 let count = usable.len().max(1) as f64;
-                for c in 0..channels {
-                    let mean = |of: fn(&BoundedValue) -> f64| usable.iter().map(|i| of(&self.pixel(*i)[c])).sum::<f64>() / count;
+                let mean = |of: &dyn Fn(usize) -> BoundedValue| {
+                    let mean = |part: fn(BoundedValue) -> f64| usable.iter().map(|i| part(of(*i))).sum::<f64>() / count;
                     let value = mean(|cell| cell.value);
-                    out.cells.push(BoundedValue { value, low: value, high: value, size: mean(|cell| cell.size) });
-                }
+                    BoundedValue { value, low: value, high: value, size: mean(|cell| cell.size) }
+                };
+                out.cells.extend((0..channels).map(|c| mean(&|i| self.pixel(i)[c])));
+                out.modulation.push(std::array::from_fn(|c| mean(&|i| self.modulation[i][c])));
                 out.mask.push(!usable.is_empty());
             }
         }

@@ -22,9 +22,21 @@ pub(super) struct Reference {
 /// The taps of one image, `size` × `size` around `at`; `logit` gives the tap's logit.
 struct ImageTaps<'a> {
     layer: &'a LevelImage,
+    mask: &'a [bool],
     size: usize,
     at: (isize, isize),
     logit: &'a dyn Fn(usize) -> f32,
+}
+
+impl LevelImage {
+    fn taps<'a>(&'a self, size: usize, at: (isize, isize), logit: &'a dyn Fn(usize) -> f32) -> ImageTaps<'a> {
+        ImageTaps { layer: self, mask: &self.mask, size, at, logit }
+    }
+
+    /// The same of a denoised level's albedo.
+    fn albedo_taps<'a>(&'a self, size: usize, at: (isize, isize), logit: &'a dyn Fn(usize) -> f32) -> ImageTaps<'a> {
+        ImageTaps { mask: &self.modulation_mask, ..self.taps(size, at, logit) }
+    }
 }
 
 impl ImageTaps<'_> {
@@ -34,7 +46,7 @@ impl ImageTaps<'_> {
         (0..self.size * self.size).filter_map(move |k| {
             let (dy, dx) = ((k / self.size) as isize - radius, (k % self.size) as isize - radius);
             let pixel = self.layer.index(self.at.0 + dy, self.at.1 + dx)?;
-            self.layer.mask[pixel].then(|| (pixel, f64::from((self.logit)(k)).clamp(-LOGIT_LIMIT, LOGIT_LIMIT)))
+            self.mask[pixel].then(|| (pixel, f64::from((self.logit)(k)).clamp(-LOGIT_LIMIT, LOGIT_LIMIT)))
         })
     }
 }
@@ -87,8 +99,9 @@ impl Reference {
             levels.push(levels[levels.len() - 1].par_iter().map(LevelImage::down).collect());
         }
         let mut out = None;
-        for (layers, logits) in levels[1..].iter().zip(&probe.coarse).rev() {
-            out = Some(coarse(layers, out.as_ref(), logits, architecture));
+        for (k, (layers, logits)) in levels[1..].iter().zip(&probe.coarse).enumerate().rev() {
+            let albedo = architecture.albedo_levels.saturating_sub(k + 1);
+            out = Some(coarse(layers, out.as_ref(), logits, architecture, albedo));
         }
         Self { cells: fine(&levels[0], out.as_ref(), &probe.full, architecture, frame) }
     }
@@ -99,34 +112,62 @@ fn frames_between(frames: &[Frame], centre: usize, offset: i32) -> Vec<&Frame> {
     (0..=offset.unsigned_abs() as usize).map(|k| if offset > 0 { &frames[centre + k] } else { &frames[centre - k] }).collect()
 }
 
-/// A level below full resolution.
-fn coarse(layers: &[LevelImage], coarser: Option<&LevelImage>, logits: &RegionLogits, a: &Architecture) -> LevelImage {
+/// A level below full resolution; `albedo` counts the levels from here on down that filter the albedo.
+fn coarse(
+    layers: &[LevelImage],
+    coarser: Option<&LevelImage>,
+    logits: &RegionLogits,
+    a: &Architecture,
+    albedo: usize,
+) -> LevelImage {
     let LevelImage { rows, columns, channels, .. } = layers[0];
-    let mut out = LevelImage { rows, columns, channels, cells: Vec::new(), mask: Vec::new(), modulation: Vec::new() };
-    let lines: Vec<Vec<Option<Vec<BoundedValue>>>> = (0..rows)
+    let [n_centre, n_coarse, n_albedo, n_near] = squares(a);
+    let mut out = LevelImage::empty(rows, columns, channels);
+    // The coarsest level has no coarse taps.
+    let first_of_albedo = n_centre + if coarser.is_some() { n_coarse } else { 0 };
+    let lines: Vec<Vec<[Option<Vec<BoundedValue>>; 2]>> = (0..rows)
         .into_par_iter()
         .map(|y| {
             let one = |x: usize| {
                 let of_centre = |k: usize| logits.at(&logits.centre, k, y, x);
-                let of_coarser = |k: usize| logits.at(&logits.centre, a.centre_taps * a.centre_taps + k, y, x);
+                let of_coarser = |k: usize| of_centre(n_centre + k);
+                let of_albedo = |k: usize| of_centre(first_of_albedo + k);
+                let of_coarser_albedo = |k: usize| of_albedo(n_albedo + k);
                 let of_pairs: Vec<_> = logits.pairs.iter().map(|pair| move |k: usize| logits.at(pair, k, y, x)).collect();
-                let at = (y as isize, x as isize);
-                let mut taps = vec![ImageTaps { layer: &layers[0], size: a.centre_taps, at, logit: &of_centre }];
-                for (layer, logit) in layers[1..].iter().zip(&of_pairs) {
-                    taps.push(ImageTaps { layer, size: a.neighbour_taps, at, logit });
+                let of_albedos: Vec<_> = of_pairs.iter().map(|pair| move |_: usize| pair(n_near)).collect();
+                let (at, below) = ((y as isize, x as isize), (y as isize / 2, x as isize / 2));
+                let mut taps = vec![layers[0].taps(a.centre_taps, at, &of_centre)];
+                taps.extend(layers[1..].iter().zip(&of_pairs).map(|(layer, logit)| layer.taps(a.neighbour_taps, at, logit)));
+                taps.extend(coarser.map(|layer| layer.taps(a.coarse_taps, below, &of_coarser)));
+                let values = average(&taps, channels, &channel);
+                if albedo == 0 {
+                    return [values, None];
                 }
-                let at = (at.0 / 2, at.1 / 2);
-                taps.extend(coarser.map(|layer| ImageTaps { layer, size: a.coarse_taps, at, logit: &of_coarser }));
-                average(&taps, channels, &channel)
+                let mut taps = vec![layers[0].taps(a.albedo_taps, at, &of_albedo)];
+                taps.extend(layers[1..].iter().zip(&of_albedos).map(|(layer, logit)| layer.taps(1, at, logit)));
+                let coarser = coarser.filter(|_| albedo > 1);
+                taps.extend(coarser.map(|layer| layer.albedo_taps(a.coarse_taps, below, &of_coarser_albedo)));
+                [values, average(&taps, 3, &albedo_of)]
             };
             (0..columns).map(one).collect()
         })
         .collect();
-    for cells in lines.into_iter().flatten() {
+    for [cells, modulation] in lines.into_iter().flatten() {
         out.mask.push(cells.is_some());
         out.cells.extend(cells.unwrap_or_else(|| vec![BoundedValue::default(); channels]));
+        out.modulation_mask.push(modulation.is_some());
+        out.modulation.push(modulation.map_or([BoundedValue::default(); 3], |m| [m[0], m[1], m[2]]));
     }
     out
+}
+
+/// Taps of the centre's, the coarse, the albedo's and a neighbour's kernels.
+fn squares(a: &Architecture) -> [usize; 4] {
+    [a.centre_taps, a.coarse_taps, a.albedo_taps, a.neighbour_taps].map(|size| size * size)
+}
+
+fn albedo_of(layer: &LevelImage, pixel: usize, c: usize) -> BoundedValue {
+    layer.modulation[pixel][c]
 }
 
 /// Full resolution, cut to the frame's own size and modulated.
@@ -140,8 +181,7 @@ fn fine(
     let channels = layers[0].channels;
     let (rows, columns) = frame.size();
     let alpha = usize::from(frame.alpha.is_some());
-    let [n_centre, n_coarse, n_albedo, n_near] =
-        [a.centre_taps, a.coarse_taps, a.albedo_taps, a.neighbour_taps].map(|size| size * size);
+    let [n_centre, n_coarse, n_albedo, n_near] = squares(a);
     let mut out = Array3::default((rows, columns, channels));
     out.axis_iter_mut(ndarray::Axis(0)).into_par_iter().enumerate().for_each(|(y, mut line)| {
         for x in 0..columns {
@@ -152,19 +192,22 @@ fn fine(
             let of_pairs: Vec<_> =
                 logits.pairs.iter().map(|pair| move |k: usize| logits.at(pair, phase * (n_near + 1) + k, hy, hx)).collect();
             let of_albedos: Vec<_> = of_pairs.iter().map(|pair| move |_: usize| pair(n_near)).collect();
-            let at = (y as isize, x as isize);
-            let mut taps = vec![ImageTaps { layer: &layers[0], size: a.centre_taps, at, logit: &of_centre }];
-            let mut albedo = vec![ImageTaps { layer: &layers[0], size: a.albedo_taps, at, logit: &of_albedo }];
+            // The albedo's coarse taps follow the taps of all four phases.
+            let of_coarse_albedo =
+                |k: usize| logits.at(&logits.centre, 4 * (n_centre + n_coarse + n_albedo) + phase * n_coarse + k, hy, hx);
+            let (at, below) = ((y as isize, x as isize), (hy as isize, hx as isize));
+            let mut taps = vec![layers[0].taps(a.centre_taps, at, &of_centre)];
+            let mut albedo = vec![layers[0].taps(a.albedo_taps, at, &of_albedo)];
             for (n, layer) in layers[1..].iter().enumerate() {
-                taps.push(ImageTaps { layer, size: a.neighbour_taps, at, logit: &of_pairs[n] });
-                albedo.push(ImageTaps { layer, size: 1, at, logit: &of_albedos[n] });
+                taps.push(layer.taps(a.neighbour_taps, at, &of_pairs[n]));
+                albedo.push(layer.taps(1, at, &of_albedos[n]));
             }
-            let at = (hy as isize, hx as isize);
-            taps.extend(half.map(|layer| ImageTaps { layer, size: a.coarse_taps, at, logit: &of_coarse }));
+            taps.extend(half.map(|layer| layer.taps(a.coarse_taps, below, &of_coarse)));
+            let half = half.filter(|_| a.albedo_levels > 1);
+            albedo.extend(half.map(|layer| layer.albedo_taps(a.coarse_taps, below, &of_coarse_albedo)));
             let Some(values) = average(&taps, channels, &channel) else { continue };
-            let modulation = |layer: &LevelImage, pixel: usize, c: usize| BoundedValue::of(layer.modulation[pixel][c]);
-            let own = || (0..3).map(|c| modulation(&layers[0], y * layers[0].columns + x, c)).collect();
-            let modulation = average(&albedo, 3, &modulation).unwrap_or_else(own);
+            let own = || (0..3).map(|c| albedo_of(&layers[0], y * layers[0].columns + x, c)).collect();
+            let modulation = average(&albedo, 3, &albedo_of).unwrap_or_else(own);
             for (c, v) in values.iter().enumerate() {
                 let m = if c < 3 { Some(c) } else { (c - 3).checked_sub(alpha).map(|c| c % 3) };
                 line[[x, c]] = m.map_or(*v, |m| product(v, &modulation[m]));

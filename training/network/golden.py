@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import torch
@@ -21,7 +22,7 @@ from training.network.model import Architecture, Hush
 SMALL = Architecture(
     features=16, half=32, quarter=48, eighth=16, blocks_encoder=2, blocks_half=1, blocks_quarter=1, blocks_eighth=2, blocks_out=2,
     pair=16, lambda_hidden=4,
-    centre_taps=5, neighbour_taps=3, coarse_taps=3, albedo_taps=3,
+    centre_taps=5, neighbour_taps=3, coarse_taps=3, albedo_taps=3, albedo_levels=3,
 )  # fmt: skip
 LEVELS = {"half": 2, "quarter": 4, "eighth": 8}
 CASES: tuple[tuple[str, int, int, tuple[int, ...], float], ...] = (
@@ -46,6 +47,13 @@ def random_model(generator: torch.Generator) -> Hush:
     spread = lambda v: 0.7 / max(1, v[0].numel()) ** 0.5 if v.dim() > 1 else 0.1
     net.load_state_dict({k: torch.randn(v.shape, generator=generator) * spread(v) for k, v in net.state_dict().items()})
     return net.eval()
+
+
+def plain_albedo(net: Hush) -> Hush:
+    """The same weights with the albedo filtered at full resolution only, as older weights do."""
+    plain = Hush(replace(net.arch, albedo_levels=1))
+    plain.load_state_dict({k: v for k, v in net.state_dict().items() if k in plain.state_dict()})
+    return plain.eval()
 
 
 def random_shot(count: int, rows: int, columns: int, generator: torch.Generator) -> tuple[Shot, Tensor]:
@@ -104,6 +112,8 @@ def main() -> None:
     cases: dict[str, Tensor] = {}
     for name, *settings in CASES:
         cases |= {f"{name}.{k}": v.float().contiguous() for k, v in case(net, *settings, generator).items()}
+    plain = case(plain_albedo(net), 16, 40, (-1, 1), 4.0, generator)
+    cases |= {f"plain_albedo.{k}": v.float().contiguous() for k, v in plain.items()}
     save_file(cases, out / "golden_cases.safetensors")
 
 

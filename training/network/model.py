@@ -23,7 +23,7 @@ UNSEEN = -3.0  # logit at which new taps begin: hardly any weight beside trained
 
 @dataclass(frozen=True)
 class Architecture:
-    """Everything that the Rust network needs to build itself; stored in the weights file's header."""
+    """Everything that the Rust network needs to build itself; stored in the weights file's header. albedo_levels is 1 or 3."""
 
     version: int = 2
     features: int = 32
@@ -223,13 +223,11 @@ class Hush(nn.Module):
             self.pair_eighth_head = nn.Conv2d(a.pair, neighbour, 1)
             self.query_eighth = queries(a.eighth, 1)
             self.pair_eighth_query = queries(a.pair, 1)
-        albedo = a.albedo_taps**2
         if a.albedo_levels > 1:
-            below = coarse if a.albedo_levels > 2 else 0
-            self.head_albedo_half = silent(a.half, 4 * coarse + albedo + below)
+            albedo = a.albedo_taps**2
+            self.head_albedo_half = silent(a.half, 4 * coarse + albedo + coarse)
             self.pair_albedo_half_head = silent(a.pair, 1)
             nn.init.constant_(self.head_albedo_half.bias[: 4 * coarse], UNSEEN)
-        if a.albedo_levels > 2:
             self.head_albedo_quarter = silent(a.quarter, albedo)
             self.pair_albedo_quarter_head = silent(a.pair, 1)
 
@@ -343,12 +341,11 @@ class Hush(nn.Module):
             return found, (norm > 0).float()
 
         albedo_coarse, albedo_full = None, [full[2], *near_albedo]
-        if a.albedo_levels > 2:
+        if a.albedo_levels > 1:
             near = [self.pair_albedo_quarter_head(x) for x in quarter_hidden]
             albedo_coarse = albedo_level(2, [self.head_albedo_quarter(quarter), *near], None)
-        if a.albedo_levels > 1:
             logits = self.head_albedo_half(half)
-            own, below = logits[:, 4 * n_coarse :].split((n_albedo, logits.shape[1] - 4 * n_coarse - n_albedo), 1)
+            own, below = logits[:, 4 * n_coarse :].split((n_albedo, n_coarse), 1)
             near = [self.pair_albedo_half_head(x) for x in half_hidden]
             albedo_coarse = albedo_level(1, [own, *near, below], albedo_coarse)
             albedo_full.append(subpixels(logits[:, : 4 * n_coarse]))
