@@ -43,6 +43,12 @@ class Take:
         return self.cache / self.shot / f"{self.spp}spp-{method}-{version}"
 
     @property
+    def most_samples(self) -> Take:
+        """The shot's take with the most samples that has every frame of the reference."""
+        found = [Take(self.cache, self.shot, spp) for spp in levels(self.cache, self.shot)]
+        return [take for take in found if set(numbers(self.reference)) <= set(numbers(take.noisy))][-1]
+
+    @property
     def passes(self) -> list[Path]:
         """The folders of the reference's passes."""
         return sorted((self.cache / self.shot).glob("pass[0-9]*"), key=lambda folder: int(folder.name.removeprefix("pass")))
@@ -76,6 +82,11 @@ def levels(cache: Path, shot: str) -> list[int]:
     """The numbers of samples that a shot has noisy frames of, ascending."""
     folders = ((folder, folder.name.removesuffix("spp")) for folder in (cache / shot).glob("*spp"))
     return sorted(int(name) for folder, name in folders if name.isdecimal() and numbers(folder))
+
+
+def shared_levels(cache: Path, shots: Sequence[str]) -> list[int]:
+    """The numbers of samples that all the shots have."""
+    return sorted(set.intersection(*(set(levels(cache, shot)) for shot in shots)))
 
 
 def takes(cache: Path, shots: Sequence[str], spp: Sequence[int]) -> list[Take]:

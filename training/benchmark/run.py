@@ -1,7 +1,8 @@
-"""Measures Hush and OIDN on the benchmark's shots, prints the tables of RESULTS.md, and the λ curves.
+"""Measures Hush and OIDN on the benchmark's shots, prints the tables of RESULTS.md, the λ curves, and those of equal error.
 
     python -m training.benchmark.run --cache runs/benchmark --hush target/release/hush --update training/RESULTS.md
     python -m training.benchmark.run --cache runs/benchmark --hush target/release/hush --lambdas 1,2,4,8,16,32,64
+    python -m training.benchmark.run --cache runs/benchmark --hush target/release/hush --equal-error --shots interior
 
 The cache comes from training.benchmark.render; frames without a reference are denoised, for their neighbours' sake, but not scored.
 OIDN's frames are kept in the cache, by its version; Hush's are made anew. Tables go to standard output and, with the numbers, to --out;
@@ -18,15 +19,15 @@ import argparse
 import json
 import math
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from training.benchmark import lambda_curves, oidn, tables
-from training.benchmark.frames import FIRST_SHOTS, SHOTS, SPP, Take, frame, levels, numbers, passes, takes, write_beauty
+from training.benchmark import equal_error, lambda_curves, oidn, tables
+from training.benchmark.frames import FIRST_SHOTS, SHOTS, SPP, Take, frame, numbers, passes, shared_levels, takes, write_beauty
 
-WINDOWS = (0, 1, 2, 3)
 GUIDES = {"Combined": "RGB", "Denoising Albedo": "RGB", "Denoising Normal": "XYZ"}
 
 
@@ -79,27 +80,28 @@ def run_oidn(take: Take, device: Any, method: str) -> Path:  # noqa: ANN401
     return folder
 
 
-def run_all(take: Take, hush: Hush, device: Any, out: Path) -> dict[str, Path]:  # noqa: ANN401
-    """Every method's frames of a take."""
-    folders = {"noisy": take.noisy, **{method: run_oidn(take, device, method) for method in oidn.METHODS}}
-    for window in WINDOWS:
-        folders[f"window{window}"] = hush.denoise(take, out / take.shot / f"{take.spp}spp-window{window}", window)
-    return folders
+def measure(take: Take, hush: Hush, device: Any, out: Path, methods: Sequence[str]) -> dict[str, tables.Scores]:  # noqa: ANN401
+    """The scores of methods on a take."""
+    brightness = run_oidn(take.most_samples, device, tables.PEER)
+    scores: dict[str, tables.Scores] = {}
+    for method in methods:
+        if method in oidn.METHODS:
+            folder = run_oidn(take, device, method)
+        elif method.startswith("window"):
+            folder = hush.denoise(take, out / take.shot / f"{take.spp}spp-{method}", int(method.removeprefix("window")))
+        else:
+            folder = take.noisy
+        scores[method] = hush.scores(take, folder) | hush.unbiased(take, folder, brightness)
+    return scores
 
 
-def brightest(take: Take) -> Take:
-    """The take of the shot with the most samples that has every frame of the reference."""
-    found = [Take(take.cache, take.shot, spp) for spp in levels(take.cache, take.shot)]
-    return [other for other in found if set(numbers(take.reference)) <= set(numbers(other.noisy))][-1]
-
-
-def about(measured: list[Take]) -> str:
+def about(measured: list[Take], shots: Sequence[str]) -> str:
     """What was measured, in a sentence or two."""
     parts = []
     for take in {take.shot: take for take in measured}.values():
         shown = f"{len(numbers(take.reference))} frames, {len(take.passes)} passes"
-        parts.append(f"{take.shot} {shown}, brightness from {brightest(take).spp} spp")
-    missing = [shot for shot in SHOTS if shot not in {take.shot for take in measured}]
+        parts.append(f"{take.shot} {shown}, brightness from {take.most_samples.spp} spp")
+    missing = [shot for shot in shots if shot not in {take.shot for take in measured}]
     left_out = f" Not measured: {', '.join(missing)}." if missing else ""
     return f"OIDN {oidn.version()}. References: {'; '.join(parts)}.{left_out} ± is one standard error over the frames."
 
@@ -130,15 +132,17 @@ def main() -> None:
     parser.add_argument("--model", type=Path, help="other weights than the program's own")
     parser.add_argument("--out", type=Path, help="folder for Hush's frames and the results (CACHE/results)")
     parser.add_argument("--shots", nargs="+", choices=SHOTS, default=list(SHOTS))
-    parser.add_argument("--spp", nargs="+", type=int, choices=SPP, default=list(SPP))
+    parser.add_argument("--spp", nargs="+", type=int, help=f"samples ({' '.join(map(str, SPP))}; for --equal-error all in the cache)")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--lambdas", type=lambdas, help="curves over these values, window ±2, instead of the tables")
+    parser.add_argument("--equal-error", action="store_true", help="the samples that OIDN needs for Hush's error, instead of the tables")
     parser.add_argument("--update", type=Path, help="document to write the tables into, such as training/RESULTS.md")
-    parser.add_argument("--figure", type=Path, help="SVG for the curves (OUT/lambda.svg)")
+    parser.add_argument("--figure", type=Path, help="SVG for the curves (OUT/lambda.svg, OUT/equal-error.svg)")
     chosen = parser.parse_args()
     out = chosen.out or chosen.cache / "results"
     out.mkdir(parents=True, exist_ok=True)
-    measured = takes(chosen.cache, chosen.shots, chosen.spp)
+    spp = chosen.spp or (shared_levels(chosen.cache, chosen.shots) if chosen.equal_error else SPP)
+    measured = takes(chosen.cache, chosen.shots, spp)
     if not measured:
         raise SystemExit(f"{chosen.cache}: nothing to measure yet; run training.benchmark.render")
     hush = Hush(chosen.hush, chosen.model, chosen.threads)
@@ -148,16 +152,17 @@ def main() -> None:
         (chosen.figure or out / "lambda.svg").write_text(lambda_curves.figure(curves), encoding="utf-8")
         name, rows = "lambda", [vars(point) for point in curves]
     else:
-        results: dict[tuple[str, int], dict[str, tables.Scores]] = {}
+        methods = (tables.PEER, equal_error.METHOD) if chosen.equal_error else tuple(tables.METHODS)
         with oidn.device(chosen.threads) as device:
-            for take in measured:
-                brightness = run_oidn(brightest(take), device, tables.PEER)
-                folders = run_all(take, hush, device, out)
-                scores = {m: hush.scores(take, folder) | hush.unbiased(take, folder, brightness) for m, folder in folders.items()}
-                results[take.shot, take.spp] = scores
-        parts = (about(measured), tables.report(results, FIRST_SHOTS), reference_noise(measured, hush))
+            results = {(take.shot, take.spp): measure(take, hush, device, out, methods) for take in measured}
+        if chosen.equal_error:
+            parts = (about(measured, chosen.shots), equal_error.report(results))
+            (chosen.figure or out / "equal-error.svg").write_text(equal_error.figure(results), encoding="utf-8")
+        else:
+            parts = (about(measured, chosen.shots), tables.report(results, FIRST_SHOTS), reference_noise(measured, hush))
         text = "\n\n".join(part for part in parts if part)
-        name, rows = "benchmark", [{"shot": shot, "spp": spp, **scores} for (shot, spp), scores in results.items()]
+        name = "equal-error" if chosen.equal_error else "benchmark"
+        rows = [{"shot": shot, "spp": spp, **scores} for (shot, spp), scores in results.items()]
     (out / f"{name}.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     (out / f"{name}.md").write_text(text + "\n", encoding="utf-8")
     print(text)
