@@ -69,7 +69,7 @@ def load(version: str, target: Path) -> Any:  # noqa: ANN401
         folder = target / "oidn" / version
         if not folder.is_dir():
             run(
-                [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(folder), f"pyoidn=={version}"],
+                [sys.executable, "-m", "pip", "install", "--quiet", "--target", str(folder), f"pyoidn=={version}"],
                 dict(os.environ),
             )
         sys.path.insert(0, str(folder))

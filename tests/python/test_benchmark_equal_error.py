@@ -103,4 +103,4 @@ def test_the_figure_has_both_curves_and_the_arrows() -> None:
     assert len(arrows) == 2 * len(equal_error.AT)
     assert sum(label.text == "2.0×" for label in drawn.iter(f"{svg}text")) == 2 * len(equal_error.AT)
     width, height = map(float, drawn.get("viewBox", "").split()[2:])
-    assert all(0 <= x <= width and 0 <= y <= height for line in points for x, y in line)
+    assert all(50 <= x <= width - 20 and 20 <= y <= height - 40 for line in points for x, y in line)

@@ -92,8 +92,8 @@ def report(results: tables.Results) -> str:
 
 def figure(results: tables.Results) -> str:
     """Error against samples, both on log scales, a panel a metric; arrows lead from Hush's points to the peer's curve, as SVG."""
-    wide, high, left, top, apart = 330, 230, 56, 34, 66
-    across, down = 2 * (left + wide) + apart, top + high + 46
+    wide, high, left, top, right = 330, 230, 56, 34, 24
+    across, down = 2 * (left + wide + right), top + high + 46
     parts = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {across} {down}" font-family="sans-serif" font-size="12">']
     parts.append(f'<rect width="{across}" height="{down}" fill="#fff"/>')
     parts.append('<defs><marker id="tip" orient="auto" markerWidth="7" markerHeight="7" refX="6" refY="3.5">')
@@ -102,7 +102,7 @@ def figure(results: tables.Results) -> str:
         ours, peer = (curve(results, method, metric) for method in (METHOD, tables.PEER))
         if not ours or not peer:
             continue
-        parts += panel(ours, peer, title, (left + order * (wide + left + apart), top, wide, high))
+        parts += panel(ours, peer, title, (left + order * (left + wide + right), top, wide, high))
     return "\n".join([*parts, "</svg>"]) + "\n"
 
 
