@@ -102,9 +102,10 @@ fn finite(image: ArrayView3<f32>, row: usize, column: usize) -> Option<[f64; 3]>
 
 #[cfg(test)]
 mod tests {
-    use ndarray::{Array3, array};
+    use ndarray::{Array3, array, s};
 
     use super::super::Scaling;
+    use super::super::pair::samples::formula;
     use super::*;
 
     const SIZE: (usize, usize, usize) = (96, 128, 3);
@@ -211,6 +212,21 @@ mod tests {
             unbiased_relmse(&TwoReferences::new(pair, b.view(), g.view()).unwrap()).unwrap()
         };
         assert!((scaled(&a, &b, &d, &g) - scaled(&a2, &b2, &d2, &g2)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn agrees_with_numpy() {
+        let (r, d) = formula(48, 64);
+        let b = Array3::from_shape_fn(r.dim(), |(y, x, c)| (r[(y, 63 - x, c)] + 3.0 * r[(y, x, c)]) / 4.0);
+        let g = (&r + &d) / 2.0;
+        let upside_down = |image: &Array3<f32>| image.slice(s![..;-1, .., ..]).to_owned();
+        let (r0, b0, d0) = (upside_down(&r), upside_down(&b), upside_down(&d));
+        let of = |r, b, d| TwoReferences::new(Pair::new(r, d, Scaling::ReferenceMean).unwrap(), b, g.view()).unwrap();
+        let (before, now) = (of(r0.view(), b0.view(), d0.view()), of(r.view(), b.view(), d.view()));
+        assert!((unbiased_relmse(&now).unwrap() - 0.003_188_337_103).abs() < 1e-9);
+        let v = Array3::from_shape_fn((48, 64, 4), |(_, _, c)| if c == 0 { 0.25 } else { 0.0 });
+        let square = unbiased_flicker_squared(&before, &now, Some(v.view())).unwrap().unwrap();
+        assert!((square - 0.091_161_423_882).abs() < 1e-7);
     }
 
     #[test]
