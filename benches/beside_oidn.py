@@ -1,61 +1,139 @@
-"""Times Hush's bench and Open Image Denoise's own benchmark in turn, so that both meet the same machine.
+"""Times Hush's bench and Open Image Denoise in turn, so that both meet the same machine.
 
-pip install pyoidn==2.5.1.0
-python benches/beside_oidn.py [PAIRS]
+python benches/beside_oidn.py [PAIRS] [--oidn VERSION]
 
-The ratio of a pair is that of two runs of ten frames of 1080p, one right after the other; below 1 Hush is the faster one.
+The peer is OIDN as Cycles runs it by default: albedo and normal each filtered by itself, then the colour with cleanAux, all at quality
+High; its time is that of the three. With the guides as rendered, at quality High and at Fast, it is a column each. All are timed through
+pyoidn, one filter after the other on 1920×1080 float images in memory, as `oidnBenchmark` does it, which has no run of a guide alone.
+A filter is committed before and run once to warm up; making filters, which Cycles does for each frame, is not in the time.
+
+VERSION is that of pyoidn on PyPI; by default the one in training/requirements.txt. Where another one is installed, or none, it goes into
+target/oidn/VERSION. The ratio of a pair is that of two runs right after each other; below 1 Hush is the faster one.
 """
 
 from __future__ import annotations
 
+import argparse
+import importlib
 import json
 import os
 import re
 import statistics
 import subprocess
 import sys
-from importlib.util import find_spec
+import time
+from importlib import metadata
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
+SIZE = (1080, 1920, 3)
+RUNS = {"as Cycles runs it": 2, "high, raw guides": 10, "fast, raw guides": 10}
 
 
 def run(command: list[str], env: dict[str, str]) -> str:
     return subprocess.run(command, check=True, capture_output=True, text=True, cwd=ROOT, env=env).stdout
 
 
-def hush_milliseconds() -> float:
+def metadata_of_cargo() -> dict[str, Any]:
+    return json.loads(run(["cargo", "metadata", "--format-version", "1", "--no-deps", "--locked"], dict(os.environ)))
+
+
+def hush_milliseconds(target: Path) -> float:
     """The median frame of Hush's bench, from the numbers that it leaves for its next run."""
     env = {name: value for name, value in os.environ.items() if not name.startswith("HUSH_BENCH")}
     run(["cargo", "bench", "--quiet", "--locked", "--bench", "denoise"], env)
-    metadata = json.loads(run(["cargo", "metadata", "--format-version", "1", "--no-deps", "--locked"], env))
-    measured = Path(metadata["target_directory"]) / "criterion" / "denoise" / "1920x1080 window 2" / "new" / "estimates.json"
+    measured = target / "criterion" / "denoise" / "1920x1080 window 2" / "new" / "estimates.json"
     return json.loads(measured.read_text())["median"]["point_estimate"] / 1e6
 
 
-def oidn_milliseconds(oidn: Path) -> float:
-    env = os.environ | {"LD_LIBRARY_PATH": str(oidn / "lib")}
-    text = run([str(oidn / "bin" / "oidnBenchmark"), "-r", "RT.hdr_alb_nrm.1920x1080", "-n", "10"], env)
-    found = re.search(r"([0-9.]+) msec/image", text)
+def default_version() -> str:
+    found = re.search(r"^pyoidn==(\S+)$", (ROOT / "training" / "requirements.txt").read_text(), re.MULTILINE)
     if found is None:
-        raise SystemExit(f"oidnBenchmark printed no time:\n{text}")
-    return float(found[1])
+        raise SystemExit("training/requirements.txt names no pyoidn")
+    return found[1]
+
+
+def installed() -> str | None:
+    try:
+        return metadata.version("pyoidn")
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def load(version: str, target: Path) -> Any:  # noqa: ANN401
+    """pyoidn of this version, fetched where it is not installed."""
+    if installed() != version:
+        folder = target / "oidn" / version
+        if not folder.is_dir():
+            run(
+                [sys.executable, "-m", "pip", "install", "--quiet", "--target", str(folder), f"pyoidn=={version}"],
+                dict(os.environ),
+            )
+        sys.path.insert(0, str(folder))
+    return importlib.import_module("pyoidn")
+
+
+class Oidn:
+    """Its filters on images of noise: what is in them does not change the time."""
+
+    def __init__(self, module: Any) -> None:  # noqa: ANN401
+        self.module, draw = module, np.random.default_rng(1)
+        self.images = {name: draw.random(SIZE, np.float32) for name in ("color", "albedo", "normal")}
+
+    def milliseconds(self, mode: str) -> float:
+        """Of a frame: the median of the runs of each filter, added up."""
+        quality = self.module.OIDN_QUALITY_FAST if mode.startswith("fast") else self.module.OIDN_QUALITY_HIGH
+        steps = [(("color", "albedo", "normal"), mode == "as Cycles runs it")]
+        if mode == "as Cycles runs it":
+            steps = [(("albedo",), False), (("normal",), False), *steps]
+        with self.module.Device() as device:
+            device.commit()
+            return sum(self.filter(device, names, clean_aux, quality, RUNS[mode]) for names, clean_aux in steps)
+
+    def filter(self, device: Any, names: tuple[str, ...], clean_aux: bool, quality: int, runs: int) -> float:  # noqa: ANN401
+        out, seconds = np.zeros(SIZE, np.float32), []
+        with self.module.Filter(device, self.module.OIDN_FILTER_TYPE_RT) as made:
+            for name in names:
+                made.set_image(name, self.images[name], self.module.OIDN_FORMAT_FLOAT3)
+            made.set_image(self.module.OIDN_IMAGE_OUTPUT, out, self.module.OIDN_FORMAT_FLOAT3)
+            made.set_bool("hdr", "color" in names)
+            made.set_bool("cleanAux", clean_aux)
+            made.set_quality(quality)
+            made.commit()
+            for _ in range(1 + runs):
+                began = time.perf_counter()
+                made.execute()
+                seconds.append(time.perf_counter() - began)
+            problem = device.get_error()
+        if problem is not None:
+            raise SystemExit(f"OIDN failed: {problem}")
+        return 1000 * statistics.median(seconds[1:])
 
 
 def main() -> None:
-    pairs = int(sys.argv[1]) if len(sys.argv) > 1 else 5
-    spec = find_spec("pyoidn")
-    if spec is None or spec.origin is None:
-        raise SystemExit("pyoidn is not installed: pip install pyoidn==2.5.1.0")
-    oidn = Path(spec.origin).parent / "oidn"
-    times = []
-    for _ in range(pairs):
-        hush, peer = hush_milliseconds(), oidn_milliseconds(oidn)
-        times.append((hush, peer))
-        print(f"Hush {hush:.0f} ms, OIDN {peer:.0f} ms, ratio {hush / peer:.3f}", flush=True)
-    median = statistics.median
-    print(f"medians: Hush {median(t[0] for t in times):.0f} ms, OIDN {median(t[1] for t in times):.0f} ms, ", end="")
-    print(f"ratio of pairs {median(a / b for a, b in times):.3f}")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("pairs", type=int, nargs="?", default=5, help="runs of each in turn")
+    parser.add_argument("--oidn", default=default_version(), metavar="VERSION", help="of pyoidn on PyPI")
+    chosen = parser.parse_args()
+    target = Path(metadata_of_cargo()["target_directory"])
+    oidn = Oidn(load(chosen.oidn, target))
+    times: list[dict[str, float]] = []
+    print(f"| ms a frame of 1080p | Hush, window ±2 | {' | '.join(f'OIDN {chosen.oidn} {mode}, ratio' for mode in RUNS)} |")
+    print(f"|---|---|{'---|' * len(RUNS)}")
+    for pair in range(chosen.pairs):
+        found = {"Hush": hush_milliseconds(target), **{mode: oidn.milliseconds(mode) for mode in RUNS}}
+        times.append(found)
+        print(row(f"pair {pair + 1}", found["Hush"], {mode: (found[mode], found["Hush"] / found[mode]) for mode in RUNS}), flush=True)
+    median = lambda of: statistics.median(map(of, times))
+    peers = {mode: (median(lambda t, m=mode: t[m]), median(lambda t, m=mode: t["Hush"] / t[m])) for mode in RUNS}
+    print(row("medians", median(lambda t: t["Hush"]), peers))
+
+
+def row(name: str, hush: float, peers: dict[str, tuple[float, float]]) -> str:
+    return f"| {name} | {hush:.0f} | {' | '.join(f'{peer:.0f}, {ratio:.3f}' for peer, ratio in peers.values())} |"
 
 
 if __name__ == "__main__":

@@ -225,20 +225,36 @@ fn tool(shot: &Shot, script: &str) -> String {
 
 #[cfg(unix)]
 #[test]
-fn the_peer_is_measured_by_its_own_clock() {
+fn the_peer_runs_as_cycles_runs_it_and_is_measured_by_its_own_clock() {
     let shot = Shot::new(1..=2, Look::default());
     add_references(&shot, 1..=2, Look::default());
-    let script = "while [ $# -gt 0 ]; do case $1 in --hdr) in=$2;; -o) out=$2;; esac; shift; done\n\
-        /bin/cat \"$in\" > \"$out\"; echo '  device=CPU, version=9.8.7, msec=4'; echo 'Denoising 100% '; echo '  msec=900.5'; \
-        echo 'Denoising 100% '; echo '  msec=12.5, hash=1'";
+    // Gives its input back: the picture, or a guide by itself. Each kind of run has a time of its own.
+    let script = "echo \"$*\" >> runs; clean=; quality=\nwhile [ $# -gt 0 ]; do case $1 in --hdr) colour=$2;; --alb) albedo=$2;; \
+        --nrm) normal=$2;; -o) out=$2;; -q) quality=$2;; --clean_aux) clean=yes;; esac; shift; done\n\
+        case \"${colour:+colour}${albedo:+albedo}${normal:+normal}$clean$quality\" in albedohigh) time=100;; normalhigh) time=200;; \
+        colouralbedonormalyeshigh) time=12.5;; colouralbedonormalhigh) time=7.5;; colouralbedonormalfast) time=2.5;; *) exit 9;; esac\n\
+        /bin/cat \"${colour:-${albedo:-$normal}}\" > \"$out\"; echo '  device=CPU, version=9.8.7, msec=4'; echo 'Denoising 100% '; \
+        echo '  msec=900.5'; echo 'Denoising 100% '; echo \"  msec=$time, hash=1\"";
     let path = tool(&shot, script);
     let output = hush(&shot, &["report", "shot", "-r", "ref", "-o", "report", "--repeats", "2", "--oidn", &path, "-q"]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let (report, page) = read_report(&shot, "report");
-    let peer = row(&report, "OIDN 9.8.7");
-    assert!((peer["seconds"]["median"].as_f64().unwrap() - 0.0125).abs() < 1e-9);
-    assert_eq!(peer["errors"], row(&report, "noisy")["errors"], "it gave the noisy picture back");
-    assert!(page.contains("Its time is its filter's alone"));
+    for (name, mode, seconds) in
+        [("OIDN 9.8.7", "cycles", 0.3125), ("OIDN 9.8.7 raw", "raw_guides", 0.0075), ("OIDN 9.8.7 fast", "fast", 0.0025)]
+    {
+        let peer = row(&report, name);
+        assert!((peer["seconds"]["median"].as_f64().unwrap() - seconds).abs() < 1e-9, "{name}: {}", peer["seconds"]);
+        assert_eq!(peer["errors"], row(&report, "noisy")["errors"], "it gave the noisy picture back");
+        assert_eq!(peer["method"], serde_json::json!({"by": "oidn", "mode": mode}));
+    }
+    assert!(page.contains("Its time is its filters', these two included."));
+    // Two frames, twice: a guide each, the picture with what became of them, and twice with the guides as rendered.
+    let runs = fs::read_to_string(shot.dir.path().join("runs")).unwrap();
+    let with = |words: &[&str]| runs.lines().filter(|line| words.iter().all(|word| line.contains(word))).count();
+    assert_eq!(runs.lines().count(), 4 * 5);
+    assert_eq!(with(&["/albedo.clean.pfm --nrm", "/normal.clean.pfm --clean_aux"]), 4);
+    assert_eq!(with(&["--hdr", "/albedo.pfm --nrm", "/normal.pfm -o"]), 8);
+    assert_eq!((with(&["--alb", "/albedo.pfm -o", "/albedo.clean.pfm"]), with(&["--nrm", "/normal.pfm -o", "clean"])), (4, 4));
     let path = tool(&shot, "echo 'out of order' >&2; exit 3");
     let named = hush(&shot, &["report", "shot", "-o", "other", "--repeats", "1", "--oidn", &path]);
     assert_eq!(named.status.code(), Some(1));

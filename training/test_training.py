@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import random
 
-import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
 from training.benchmark import ablate
-from training.benchmark.unbiased import relmse
 from training.data.inputs import frames, prepare, view
 from training.data.shots import OFFSETS, Shot, oriented
 from training.network import fused
@@ -86,17 +84,6 @@ def test_a_network_without_trust_in_its_neighbours_is_the_window_of_zero() -> No
     alone = {k: v[None] for k, v in prepare(shot, ()).items()}
     lam = torch.ones(1)
     torch.testing.assert_close(net(batch, lam)["image"], net(alone, lam)["image"])
-
-
-def test_the_noise_of_two_references_averages_out_of_the_error() -> None:
-    r = np.random.default_rng(1)
-    truth = (0.3 + 0.2 * r.random((200, 200, 3))).astype(np.float32)
-    noisy = lambda: (truth + 0.03 * r.standard_normal(truth.shape)).astype(np.float32)
-    denoised = truth * 1.05
-    exact, found = relmse(denoised, (truth, truth), truth), relmse(denoised, (noisy(), noisy()), truth)
-    single = noisy()
-    assert abs(found / exact - 1) < 0.05
-    assert relmse(denoised, (single, single), truth) > 2 * exact
 
 
 def test_what_is_left_out_has_no_effect() -> None:

@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::{Exit, print, print_json};
 use crate::error::Result;
-use crate::metrics::{EvaluateOptions, ImageChoice, Scaling, evaluate};
+use crate::metrics::{EvaluateOptions, ImageChoice, Scaling, UnbiasedOptions, evaluate};
 
 /// Compares a denoised shot with its reference: SMAPE, relMSE, PSNR, SSIM, FLIP and flicker
 #[derive(Args)]
@@ -18,6 +18,13 @@ pub(super) struct EvalArgs {
     /// Where flicker takes the Vector pass from, such as the noisy shot [default: the denoised files, then the reference]
     #[arg(long, value_name = "INPUT")]
     vectors: Option<PathBuf>,
+    /// A second reference, rendered with another seed: also relMSE and flicker without the references' noise
+    #[arg(long, value_name = "INPUT", requires = "brightness")]
+    reference_b: Option<PathBuf>,
+    /// What those errors are relative to: images as bright as the truth that share no noise with either reference, the same for all
+    /// shots that are compared, such as another denoiser's or a third reference
+    #[arg(long, value_name = "INPUT", requires = "reference_b")]
+    brightness: Option<PathBuf>,
     /// View layer to compare [default: the one with the most samples]
     #[arg(long, value_name = "NAME")]
     layer: Option<String>,
@@ -39,7 +46,9 @@ pub(super) struct EvalArgs {
 pub(super) fn eval(args: &EvalArgs) -> Result<Exit> {
     let scaling = if args.no_scaling { Scaling::None } else { Scaling::ReferenceMean };
     let images = ImageChoice { layer: args.layer.clone(), view: args.view.clone(), vector_layer: args.vector_layer.clone() };
-    let options = EvaluateOptions { scaling, vectors: args.vectors.clone(), images };
+    let unbiased = args.reference_b.clone().zip(args.brightness.clone());
+    let unbiased = unbiased.map(|(reference, brightness)| UnbiasedOptions { reference, brightness });
+    let options = EvaluateOptions { scaling, vectors: args.vectors.clone(), unbiased, images };
     let evaluation = evaluate(&args.reference, &args.denoised, &options)?;
     if args.json {
         print_json(&evaluation)

@@ -17,7 +17,8 @@ use crate::stability;
 
 /// Measures error against run time for the settings worth choosing between, and writes a page about it
 ///
-/// Windows 0 to 3, skipping, lambda, and Open Image Denoise where oidnDenoise or Python's pyoidn is installed.
+/// Windows 0 to 3, skipping, lambda, and Open Image Denoise where oidnDenoise or Python's pyoidn is installed: as Cycles runs it, with
+/// guides as rendered, and fast.
 /// Each frame is denoised with each setting several times in turn. Without --reference the error is estimated from noisy frames
 /// before and after. No frames are written.
 #[derive(Args)]

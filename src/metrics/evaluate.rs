@@ -2,14 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use ndarray::Array3;
+use ndarray::{Array3, ArrayView3};
 
-use super::evaluation::{Evaluation, FrameEvaluation, Motion, Scores, mean};
-use super::images::{ImageChoice, Images, read};
+use super::evaluation::{Evaluation, FrameEvaluation, Motion, Scores, UnbiasedScores, mean, standard_errors};
+use super::images::{ImageChoice, Images, Independent, read};
 use super::pairing::{Item, pair_up};
-use super::{Pair, Scaling, flicker, flip, psnr, relmse, smape, ssim};
+use super::remarks::{Traits, remarks};
+use super::{Pair, Scaling, flicker, flip, psnr, relmse, smape, ssim, unbiased_flicker_squared, unbiased_relmse};
 use crate::error::{Error, Result};
-use crate::words::{self, counted};
 
 /// How to compare.
 #[derive(Clone, Debug, Default)]
@@ -19,20 +19,32 @@ pub struct EvaluateOptions {
     /// Folder, pattern or file whose Vector passes flicker follows, such as the noisy shot. Without it, and for frames that it
     /// lacks, those of the denoised files, then of the references.
     pub vectors: Option<PathBuf>,
+    /// What the unbiased errors need; without it there are none.
+    pub unbiased: Option<UnbiasedOptions>,
     /// What to read of every file.
     pub images: ImageChoice,
+}
+
+/// Where the unbiased errors take their images from, frames named alike.
+#[derive(Clone, Debug)]
+pub struct UnbiasedOptions {
+    /// A second reference, rendered with another seed.
+    pub reference: PathBuf,
+    /// Images as bright as the truth that know nothing of either reference, the same for all that is compared.
+    pub brightness: PathBuf,
 }
 
 /// Compares `denoised` with `reference`: folders, patterns (`####`, `%04d`, globs) or files of one frame each.
 ///
 /// Frames are paired by number; two single files are paired whatever their numbers. The beauty pass is read (Combined, also
-/// where the file keeps a Noisy Image beside it), and for flicker the Vector pass.
+/// where the file keeps a Noisy Image beside it), and for flicker the Vector pass. All but the unbiased errors are against `reference`
+/// alone.
 ///
 /// # Errors
 /// Inputs that name no sequence, or sequences without a common frame. A frame that is missing or cannot be read or compared is
 /// no error: it has a row that says why, and counts in [`Evaluation::failed`].
 pub fn evaluate(reference: &Path, denoised: &Path, options: &EvaluateOptions) -> Result<Evaluation> {
-    let (items, mut warnings) = pair_up(reference, denoised, options.vectors.as_deref())?;
+    let (items, mut warnings) = pair_up(reference, denoised, options)?;
     let mut frames: Vec<FrameEvaluation> = Vec::with_capacity(items.len());
     let mut traits = Traits::default();
     let mut previous: Option<(i64, Images)> = None;
@@ -50,9 +62,12 @@ pub fn evaluate(reference: &Path, denoised: &Path, options: &EvaluateOptions) ->
         };
         match compare(&item, before.as_ref(), options, &mut row) {
             Ok(outcome) => {
-                warnings.extend(outcome.warning);
+                warnings.extend(outcome.warnings);
                 traits.still.extend(outcome.still.then_some(item.frame));
                 traits.denoised_reference.extend(outcome.denoised_reference.then_some(item.frame));
+                traits.same_pictures.extend(outcome.images.has_twins().then_some(item.frame));
+                let alone = options.unbiased.is_some() && (item.second.is_none() || item.brightness.is_none());
+                traits.one_reference.extend(alone.then_some(item.frame));
                 previous = Some((item.frame, outcome.images));
             }
             Err(e) => row.error = Some(e.to_string()),
@@ -60,24 +75,16 @@ pub fn evaluate(reference: &Path, denoised: &Path, options: &EvaluateOptions) ->
         frames.push(row);
     }
     warnings.extend(remarks(&frames, &traits, options.vectors.is_some()));
-    Ok(Evaluation { scaling: options.scaling, mean: mean(&frames), frames, warnings })
+    let standard_errors = standard_errors(&frames);
+    Ok(Evaluation { scaling: options.scaling, mean: mean(&frames), standard_errors, frames, warnings })
 }
 
 struct Outcome {
     images: Images,
-    /// Why there is no flicker although the frame before is there.
-    warning: Option<String>,
+    /// Why there is no flicker although the frame before is there, or no unbiased error although the second reference is.
+    warnings: Vec<String>,
     still: bool,
     denoised_reference: bool,
-}
-
-/// The frames that something holds for.
-#[derive(Default)]
-struct Traits {
-    /// The Vector pass is zero everywhere.
-    still: Vec<i64>,
-    /// The reference's Combined went through a denoiser.
-    denoised_reference: Vec<i64>,
 }
 
 /// Reads and compares one frame; writes what it finds into `row`.
@@ -89,7 +96,12 @@ fn compare(item: &Item, previous: Option<&Images>, options: &EvaluateOptions, ro
     let reference = read(&item.reference, false, &options.images)?;
     let result = read(denoised, previous.is_some(), &options.images)?;
     let denoised_reference = reference.denoised;
-    let images = Images { reference: reference.colour, denoised: result.colour };
+    let mut warnings = Vec::new();
+    let independent = independent(item, options).unwrap_or_else(|e| {
+        warnings.push(format!("Frame {} has no unbiased errors: {e}.", item.frame));
+        None
+    });
+    let images = Images { reference: reference.colour, denoised: result.colour, independent };
     let pair = images.pair(options.scaling).map_err(|e| name_file(e, denoised))?;
     (row.non_finite_reference, row.non_finite_denoised) = pair.non_finite();
     let mut scores = Scores {
@@ -99,29 +111,60 @@ fn compare(item: &Item, previous: Option<&Images>, options: &EvaluateOptions, ro
         ssim: ssim(&pair),
         flip: flip(&pair)?,
         flicker: None,
+        unbiased: None,
     };
-    let (mut warning, mut still) = (None, false);
+    let (mut vectors, mut still) = (None, false);
     if let Some(previous) = previous {
         let before = previous.pair(options.scaling)?;
         let change = follow(item, result.vector, options).and_then(|vectors| FlickerChange::between(&before, &pair, vectors));
         match change {
             Ok(found) => {
                 (row.motion, scores.flicker, still) = (Some(found.motion), found.flicker, found.still);
+                vectors = Some(found.vectors);
                 if found.flicker.is_none() {
-                    warning = Some(format!("Frame {} has no flicker: no motion vector points inside the frame.", item.frame));
+                    warnings.push(format!("Frame {} has no flicker: no motion vector points inside the frame.", item.frame));
                 }
             }
-            Err(e) => warning = Some(format!("Frame {} has no flicker: {e}.", item.frame)),
+            Err(e) => warnings.push(format!("Frame {} has no flicker: {e}.", item.frame)),
         }
     }
+    let followed = previous.zip(vectors.as_ref()).map(|(previous, vectors)| (previous, vectors.as_ref().map(|v| v.view())));
+    match unbiased(&images, followed, options.scaling) {
+        Ok(found) => scores.unbiased = found,
+        Err(e) => warnings.push(format!("Frame {} has no unbiased errors: {}.", item.frame, e)),
+    }
     row.scores = Some(scores);
-    Ok(Outcome { images, warning, still, denoised_reference })
+    Ok(Outcome { images, warnings, still, denoised_reference })
+}
+
+/// The second reference and the brightness of a frame that has both.
+fn independent(item: &Item, options: &EvaluateOptions) -> Result<Option<Independent>> {
+    let (Some(second), Some(brightness)) = (&item.second, &item.brightness) else { return Ok(None) };
+    let colour = |path: &Path| Ok(read(path, false, &options.images)?.colour);
+    Ok(Some(Independent { second: colour(second)?, brightness: colour(brightness)? }))
+}
+
+/// The unbiased errors, where there are two references; `followed` is the frame before with the vectors to it.
+fn unbiased(
+    images: &Images,
+    followed: Option<(&Images, Option<ArrayView3<f32>>)>,
+    scaling: Scaling,
+) -> Result<Option<UnbiasedScores>> {
+    let Some(current) = images.between(scaling).transpose()? else { return Ok(None) };
+    let mut change = None;
+    if let Some((previous, vectors)) = followed
+        && let Some(before) = previous.between(scaling).transpose()?
+    {
+        change = unbiased_flicker_squared(&before, &current, vectors)?;
+    }
+    Ok(unbiased_relmse(&current).map(|relmse| UnbiasedScores::new(relmse, change)))
 }
 
 /// Flicker, and whose vectors it followed.
 struct FlickerChange {
     flicker: Option<f64>,
     motion: Motion,
+    vectors: Option<Array3<f32>>,
     /// Whether the vectors are zero everywhere.
     still: bool,
 }
@@ -130,7 +173,8 @@ impl FlickerChange {
     fn between(previous: &Pair, current: &Pair, vectors: Option<(Motion, Array3<f32>)>) -> Result<Self> {
         let flicker = flicker(previous, current, vectors.as_ref().map(|(_, v)| v.view()))?;
         let still = vectors.as_ref().is_some_and(|(_, v)| v.iter().all(|&x| x == 0.0));
-        Ok(Self { flicker, motion: vectors.map_or(Motion::Plain, |(motion, _)| motion), still })
+        let (motion, vectors) = vectors.map_or((Motion::Plain, None), |(motion, vectors)| (motion, Some(vectors)));
+        Ok(Self { flicker, motion, vectors, still })
     }
 }
 
@@ -157,46 +201,11 @@ fn name_file(error: Error, path: &Path) -> Error {
     }
 }
 
-/// What holds for several frames, a sentence each.
-fn remarks(frames: &[FrameEvaluation], traits: &Traits, vectors_given: bool) -> Vec<String> {
-    let with = |wanted: &dyn Fn(&FrameEvaluation) -> bool| -> Vec<i64> {
-        frames.iter().filter(|f| wanted(f)).map(|f| f.frame).collect()
-    };
-    let mut out = Vec::new();
-    let mut remark = |numbers: &[i64], text: &dyn Fn(String) -> String| {
-        if !numbers.is_empty() {
-            out.push(text(words::frames(numbers)));
-        }
-    };
-    remark(&with(&|f| f.motion == Some(Motion::Plain)), &|n| {
-        format!("Flicker compares {n} without following motion: there is no Vector pass.")
-    });
-    remark(&traits.denoised_reference, &|n| {
-        format!("The references of {n} are denoised themselves: they hold a Noisy Image beside Combined.")
-    });
-    remark(&traits.still, &|n| format!("The Vector pass is all zero in {n}: nothing moved, or motion blur was on."));
-    if vectors_given {
-        remark(&with(&|f| matches!(f.motion, Some(Motion::Denoised | Motion::Reference))), &|n| {
-            format!("The files given for vectors have none for {n}: the shot's own were used.")
-        });
-    }
-    for (what, count) in [
-        ("references", (|f| f.non_finite_reference) as fn(&FrameEvaluation) -> usize),
-        ("denoised images", |f| f.non_finite_denoised),
-    ] {
-        let pixels: usize = frames.iter().map(count).sum();
-        remark(&with(&|f| count(f) > 0), &|n| {
-            let (pixels, verb) = (counted(pixels, "pixel"), if pixels == 1 { "is" } else { "are" });
-            format!("{pixels} {verb} NaN or infinite in the {what} of {n}, which does not count.")
-        });
-    }
-    out
-}
-
 #[cfg(test)]
 mod tests {
     use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, SmallVec, WritableImage};
 
+    use super::super::TwoReferences;
     use super::super::pair::samples::formula;
     use super::*;
 
@@ -259,6 +268,49 @@ mod tests {
         assert_eq!(report.warnings, Vec::<String>::new());
         assert_eq!(report.failed(), 0);
         assert_eq!(report.mean.unwrap().smape, smape(&pair));
+    }
+
+    #[test]
+    fn a_second_reference_adds_errors_and_changes_none() {
+        let folder = shot(true);
+        let (r, d) = formula(14, 17);
+        let (b, g) = (r.mapv(|v| v + 0.01), r.mapv(|v| v + 0.1));
+        for frame in 1..=3 {
+            write(&folder.path().join(format!("b/{frame}.exr")), &[(&LIGHT, &b)]);
+            write(&folder.path().join(format!("g/{frame}.exr")), &[(&LIGHT, &g)]);
+        }
+        let with = |reference: &str, brightness: &str| {
+            let at = |name: &str| folder.path().join(name);
+            let unbiased = Some(UnbiasedOptions { reference: at(reference), brightness: at(brightness) });
+            evaluate(&at("ref"), &at("out"), &EvaluateOptions { unbiased, ..Default::default() }).unwrap()
+        };
+        let (report, plain) = (with("b", "g"), run(&folder));
+        let pair = Pair::new(r.view(), d.view(), Scaling::ReferenceMean).unwrap();
+        let two = TwoReferences::new(pair, b.view(), g.view()).unwrap();
+        let vector = Array3::from_shape_fn((14, 17, 4), |(_, _, c)| if c == 0 { 1.0 } else { 0.0 });
+        let square = unbiased_flicker_squared(&two, &two, Some(vector.view())).unwrap();
+        assert!(square > Some(0.0));
+        for (row, without) in report.frames.iter().zip(&plain.frames) {
+            let found = row.scores.unwrap();
+            let square = square.filter(|_| row.frame > 1);
+            assert_eq!(found.unbiased, Some(UnbiasedScores::new(unbiased_relmse(&two).unwrap(), square)));
+            assert_eq!(without.scores, Some(Scores { unbiased: None, ..found }));
+        }
+        assert!(report.standard_errors.unwrap().relmse < Some(1e-12), "all frames are alike");
+        assert!(report.warnings.is_empty() && plain.standard_errors.is_none() && plain.mean.unwrap().unbiased.is_none());
+
+        let twins = with("ref", "g").warnings;
+        assert!(twins[0].contains("the same picture in frames 1-3"), "{twins:?}");
+        std::fs::remove_file(folder.path().join("b/2.exr")).unwrap();
+        std::fs::write(folder.path().join("g/3.exr"), b"not an image").unwrap();
+        let broken = with("b", "g");
+        assert_eq!(broken.failed(), 0);
+        assert!(broken.frames[0].scores.unwrap().unbiased.is_some());
+        assert!(broken.frames[1..].iter().all(|f| f.scores.unwrap().unbiased.is_none()));
+        assert!(broken.warnings[0].starts_with("Frame 3 has no unbiased errors") && broken.warnings[0].contains("3.exr"));
+        assert!(broken.warnings[1].contains("missing for frame 2:"), "{:?}", broken.warnings);
+        write(&folder.path().join("g/3.exr"), &[(&LIGHT, &formula(3, 4).0)]);
+        assert!(with("b", "g").warnings[0].contains("brightness is 4×3, expected 17×14"), "{:?}", with("b", "g").warnings);
     }
 
     #[test]

@@ -19,23 +19,11 @@ pub const EPSILON: f64 = 1e-2;
 /// t's gain. None if no pixel counts; [`Error::SizeMismatch`] if the frames or the vectors differ in size.
 pub fn flicker(previous: &Pair, current: &Pair, vectors: Option<ArrayView3<f32>>) -> Result<Option<f64>> {
     let (rows, columns) = current.size();
-    let mut sizes = vec![("previous frame", previous.size())];
-    sizes.extend(vectors.map(|v| ("Vector pass", (v.dim().0, v.dim().1))));
-    for (what, (found_rows, found_columns)) in sizes {
-        if (found_rows, found_columns) != (rows, columns) {
-            return Err(Error::SizeMismatch { what: what.into(), columns, rows, found_columns, found_rows });
-        }
-    }
-    if let Some(channels) = vectors.map(|v| v.dim().2).filter(|&c| c < 2) {
-        return Err(Error::BadInput {
-            input: "Vector pass".into(),
-            reason: format!("has {channels} channels, expected X and Y"),
-        });
-    }
+    check_sizes(previous.size(), (rows, columns), vectors)?;
     let error_at = |row: usize, column: usize| {
         let (r, d) = current.raw(row, column)?;
-        let (x, y) = vectors.map_or((0.0, 0.0), |v| (f64::from(v[(row, column, 0)]), f64::from(v[(row, column, 1)])));
-        let before = sampled_error(previous, column as f64 + x, row as f64 - y)?;
+        let (x, y) = source(vectors, row, column);
+        let before = sampled_error(previous, x, y)?;
         // Δd − Δr is the error of this frame less the warped error of the last one, as W is linear.
         let gain = current.gain();
         let change = |i: usize| (d[i] - r[i] - before[i]).abs() * gain / ((d[i].abs() + r[i].abs()) * gain + EPSILON);
@@ -46,6 +34,31 @@ pub fn flicker(previous: &Pair, current: &Pair, vectors: Option<ArrayView3<f32>>
         errors.fold((0.0, 0), |(sum, count), e| (sum + e, count + 3))
     };
     Ok(mean_by_rows(rows, row_sum))
+}
+
+/// Whether the frame before (rows, columns) and the vectors belong to a frame of this size.
+pub(super) fn check_sizes(previous: (usize, usize), size: (usize, usize), vectors: Option<ArrayView3<f32>>) -> Result<()> {
+    let (rows, columns) = size;
+    let mut sizes = vec![("previous frame", previous)];
+    sizes.extend(vectors.map(|v| ("Vector pass", (v.dim().0, v.dim().1))));
+    for (what, (found_rows, found_columns)) in sizes {
+        if (found_rows, found_columns) != (rows, columns) {
+            return Err(Error::SizeMismatch { what: what.into(), columns, rows, found_columns, found_rows });
+        }
+    }
+    match vectors.map(|v| v.dim().2).filter(|&c| c < 2) {
+        Some(channels) => {
+            let reason = format!("has {channels} channels, expected X and Y");
+            Err(Error::BadInput { input: "Vector pass".into(), reason })
+        }
+        None => Ok(()),
+    }
+}
+
+/// Where the point at a pixel was in the frame before: column and row, in pixels.
+pub(super) fn source(vectors: Option<ArrayView3<f32>>, row: usize, column: usize) -> (f64, f64) {
+    let (x, y) = vectors.map_or((0.0, 0.0), |v| (f64::from(v[(row, column, 0)]), f64::from(v[(row, column, 1)])));
+    (column as f64 + x, row as f64 - y)
 }
 
 /// d − r, unscaled, at a position in pixels.

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use ndarray::Array3;
 
-use super::{Pair, Scaling};
+use super::{Pair, Scaling, TwoReferences};
 use crate::error::Result;
 use crate::io::{Guides, NOISY, Selection, read_frame, read_layout, resolve};
 
@@ -33,11 +33,32 @@ pub(crate) struct FilePasses {
 pub(super) struct Images {
     pub reference: Array3<f32>,
     pub denoised: Array3<f32>,
+    /// For the unbiased errors.
+    pub independent: Option<Independent>,
+}
+
+/// Images whose noise has nothing to do with the reference's.
+pub(super) struct Independent {
+    pub second: Array3<f32>,
+    pub brightness: Array3<f32>,
 }
 
 impl Images {
     pub fn pair(&self, scaling: Scaling) -> Result<Pair<'_>> {
         Pair::new(self.reference.view(), self.denoised.view(), scaling)
+    }
+
+    /// Whether two images that should be independent are the same.
+    pub fn has_twins(&self) -> bool {
+        let same = |i: &Independent| self.reference == i.second || self.reference == i.brightness || i.second == i.brightness;
+        self.independent.as_ref().is_some_and(same)
+    }
+
+    /// The denoised image between its two references, where there are two.
+    pub fn between(&self, scaling: Scaling) -> Option<Result<TwoReferences<'_>>> {
+        let independent = self.independent.as_ref()?;
+        let pair = self.pair(scaling);
+        Some(pair.and_then(|pair| TwoReferences::new(pair, independent.second.view(), independent.brightness.view())))
     }
 }
 

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use super::EvaluateOptions;
 use crate::error::{Error, Result};
 use crate::io::sequence::Sequence;
 use crate::words;
@@ -14,21 +15,27 @@ pub(super) struct Item {
     /// None if the frame is missing.
     pub denoised: Option<PathBuf>,
     pub vectors: Option<PathBuf>,
+    pub second: Option<PathBuf>,
+    pub brightness: Option<PathBuf>,
 }
 
 /// Every reference's frame with its counterparts, and what was left over.
-pub(super) fn pair_up(reference: &Path, denoised: &Path, vectors: Option<&Path>) -> Result<(Vec<Item>, Vec<String>)> {
+pub(super) fn pair_up(reference: &Path, denoised: &Path, options: &EvaluateOptions) -> Result<(Vec<Item>, Vec<String>)> {
     let references = files(reference)?;
-    let mut results = files(denoised)?;
-    let mut guides = vectors.map(files).transpose()?.unwrap_or_default();
-    if reference.is_file() && denoised.is_file() {
-        let frame = references.keys().next().copied();
-        let renumber = |map: BTreeMap<i64, PathBuf>| frame.into_iter().zip(map.into_values()).collect();
-        results = renumber(results);
-        if vectors.is_some_and(Path::is_file) {
-            guides = renumber(guides);
-        }
-    }
+    // Single files belong together whatever their numbers.
+    let frame = references.keys().next().copied().filter(|_| reference.is_file() && denoised.is_file());
+    let numbered = |path: &Path| -> Result<BTreeMap<i64, PathBuf>> {
+        let found = files(path)?;
+        Ok(match frame.filter(|_| path.is_file()) {
+            Some(frame) => found.into_values().map(|path| (frame, path)).collect(),
+            None => found,
+        })
+    };
+    let others = |path: Option<&PathBuf>| path.map(|p| numbered(p)).transpose().map(Option::unwrap_or_default);
+    let mut results = numbered(denoised)?;
+    let mut guides = others(options.vectors.as_ref())?;
+    let mut seconds = others(options.unbiased.as_ref().map(|u| &u.reference))?;
+    let mut brightness = others(options.unbiased.as_ref().map(|u| &u.brightness))?;
     let numbers = |map: &BTreeMap<i64, PathBuf>| words::frames(&map.keys().copied().collect::<Vec<_>>());
     if !references.keys().any(|n| results.contains_key(n)) {
         return Err(Error::BadInput {
@@ -48,7 +55,14 @@ pub(super) fn pair_up(reference: &Path, denoised: &Path, vectors: Option<&Path>)
     }
     let items = references
         .into_iter()
-        .map(|(frame, reference)| Item { frame, reference, denoised: results.remove(&frame), vectors: guides.remove(&frame) })
+        .map(|(frame, reference)| Item {
+            frame,
+            reference,
+            denoised: results.remove(&frame),
+            vectors: guides.remove(&frame),
+            second: seconds.remove(&frame),
+            brightness: brightness.remove(&frame),
+        })
         .collect();
     Ok((items, warnings))
 }

@@ -20,8 +20,38 @@ pub enum Method {
         /// Whether the default rules leave work out.
         skipping: bool,
     },
-    /// Open Image Denoise, quality high, with albedo and normal.
-    Oidn,
+    /// Open Image Denoise, with albedo and normal.
+    Oidn {
+        /// How it is run.
+        mode: OidnMode,
+    },
+}
+
+/// How Open Image Denoise is run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum OidnMode {
+    /// As Cycles runs it by default: each guide is filtered by itself first, then the colour with the clean guides; quality high.
+    Cycles,
+    /// Guides as rendered, quality high.
+    RawGuides,
+    /// Guides as rendered, quality fast.
+    Fast,
+}
+
+impl OidnMode {
+    /// All, the one to compare with first.
+    pub const ALL: [Self; 3] = [Self::Cycles, Self::RawGuides, Self::Fast];
+
+    /// What a candidate of this version is called, where the version is known.
+    pub fn name(self, version: Option<&str>) -> String {
+        let more = match self {
+            Self::Cycles => None,
+            Self::RawGuides => Some("raw"),
+            Self::Fast => Some("fast"),
+        };
+        ["OIDN"].into_iter().chain(version).chain(more).collect::<Vec<_>>().join(" ")
+    }
 }
 
 /// Candidates of one kind differ in one setting; they share a colour.
@@ -77,7 +107,7 @@ pub fn candidates(vectors: bool, oidn: bool) -> Vec<Candidate> {
     out.push(hush("no skipping".into(), CandidateKind::Skipping, base, 1.0, false));
     out.extend([4.0, 16.0].map(|lambda| hush(format!("λ {lambda}"), CandidateKind::Lambda, base, lambda, true)));
     if oidn {
-        out.push(plain("OIDN", CandidateKind::Oidn, Method::Oidn));
+        out.extend(OidnMode::ALL.map(|mode| plain(&mode.name(None), CandidateKind::Oidn, Method::Oidn { mode })));
     }
     out
 }
@@ -90,8 +120,21 @@ mod tests {
     fn every_setting_is_there_once() {
         let all = candidates(true, true);
         let names: Vec<&str> = all.iter().map(|c| c.name.as_str()).collect();
-        let expected = ["noisy", "window 2", "window 0", "window 1", "window 3", "no skipping", "λ 4", "λ 16", "OIDN"];
+        let expected = [
+            "noisy",
+            "window 2",
+            "window 0",
+            "window 1",
+            "window 3",
+            "no skipping",
+            "λ 4",
+            "λ 16",
+            "OIDN",
+            "OIDN raw",
+            "OIDN fast",
+        ];
         assert_eq!(names, expected);
+        assert_eq!(OidnMode::ALL.map(|mode| mode.name(Some("3.0.0"))), ["OIDN 3.0.0", "OIDN 3.0.0 raw", "OIDN 3.0.0 fast"]);
         assert_eq!(all.iter().filter(|c| c.default).count(), 1);
         assert!(all[1].default && all[4].window() == 3 && all[5].skip() == Skip::NONE);
     }

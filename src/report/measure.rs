@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use ndarray::Array3;
 
-use super::candidates::{Candidate, Method, candidates};
+use super::candidates::{Candidate, CandidateKind, Method, OidnMode, candidates};
 use super::crops::{CropSet, Crops};
 use super::judge::{Judge, Verdict};
 use super::machine::Machine;
@@ -239,8 +239,8 @@ impl Measurement<'_> {
                         add(&mut self.tallies[i].times, repeat, seconds);
                         outputs[i].get_or_insert(colour);
                     }
-                    Method::Oidn => {
-                        if let Some((seconds, colour)) = self.oidn(frame, i)? {
+                    Method::Oidn { mode } => {
+                        if let Some((seconds, colour)) = self.oidn(frame, mode, i)? {
                             add(&mut self.tallies[i].times, repeat, seconds);
                             outputs[i].get_or_insert(colour);
                         }
@@ -275,15 +275,13 @@ impl Measurement<'_> {
     }
 
     /// One frame by the peer; None once it has failed, unless the user named it.
-    fn oidn(&mut self, frame: &Frame, i: usize) -> Result<Option<(f64, Array3<f32>)>> {
+    fn oidn(&mut self, frame: &Frame, mode: OidnMode, i: usize) -> Result<Option<(f64, Array3<f32>)>> {
         let Some((oidn, named)) = &self.oidn else { return Ok(None) };
-        match oidn.run(frame, self.engine.threads(), self.scratch) {
+        match oidn.run(frame, mode, self.engine.threads(), self.scratch) {
             Ok(run) => {
                 let tally = &mut self.tallies[i];
                 tally.peak = tally.peak.max(run.peak.unwrap_or(0));
-                if let Some(version) = run.version {
-                    self.candidates[i].name = format!("OIDN {version}");
-                }
+                self.candidates[i].name = mode.name(run.version.as_deref());
                 Ok(Some((run.seconds, run.colour)))
             }
             Err(_) if self.cancel.is_cancelled() => Err(Error::Cancelled),
@@ -311,7 +309,7 @@ impl Measurement<'_> {
             let is_hush = matches!(candidate.method, Method::Hush { .. });
             let encode = |repeat: usize| if is_hush { self.encode.get(repeat).copied().unwrap_or(0.0) } else { 0.0 };
             let times: Vec<f64> = tally.times.iter().enumerate().map(|(r, t)| (t + encode(r)) / count).collect();
-            if candidate.method == Method::Oidn && self.oidn.is_none() {
+            if candidate.kind == CandidateKind::Oidn && self.oidn.is_none() {
                 continue;
             }
             let errors = std::array::from_fn(|e| {

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use ndarray::Array3;
 
+use super::candidates::OidnMode;
 use super::machine::peak_of;
 use super::pfm;
 use crate::error::{Error, Result};
@@ -31,12 +32,19 @@ pub struct Oidn {
 pub struct OidnRun {
     /// (rows, columns, 3).
     pub colour: Array3<f32>,
-    /// Seconds that the filter took, by the tool's own clock, the second time in a row.
+    /// Seconds that the filters took, guides' included, by the tool's own clock, each the second time in a row.
     pub seconds: f64,
     /// Such as `2.5.1`.
     pub version: Option<String>,
     /// Most bytes resident in the tool's process, where the system tells.
     pub peak: Option<u64>,
+}
+
+/// What the tool told of one filter.
+struct FilterRun {
+    seconds: f64,
+    version: Option<String>,
+    peak: Option<u64>,
 }
 
 impl Oidn {
@@ -61,25 +69,56 @@ impl Oidn {
         Self { program, libraries: beside.filter(|lib| lib.is_dir()) }
     }
 
-    /// Denoises one frame at high quality with the albedo and normal that it has, on as many threads as Hush. Files lie in
-    /// `scratch` meanwhile.
+    /// Denoises one frame with the albedo and normal that it has, on as many threads as Hush. Files lie in `scratch` meanwhile.
     ///
     /// # Errors
     /// The files cannot be written, or the tool fails or says what nobody understands.
-    pub fn run(&self, frame: &Frame, threads: usize, scratch: &Path) -> Result<OidnRun> {
+    pub fn run(&self, frame: &Frame, mode: OidnMode, threads: usize, scratch: &Path) -> Result<OidnRun> {
         let name = |what: &str| scratch.join(format!("{what}.pfm"));
-        pfm::write(&name("colour"), frame.colour.view(), |v| if v.is_finite() { v.max(0.0) } else { 0.0 })?;
-        let mut command = Command::new(&self.program);
-        command.args(["-d", "cpu", "-q", "high", "--affinity", "0", "-n", "2", "--threads"]).arg(threads.to_string());
-        command.arg("--hdr").arg(name("colour")).arg("-o").arg(name("result"));
+        let quality = if mode == OidnMode::Fast { "fast" } else { "high" };
+        let mut guides: Vec<(&str, PathBuf)> = Vec::new();
         if let Some(albedo) = &frame.albedo {
             pfm::write(&name("albedo"), albedo.view(), |v| if v.is_nan() { 0.0 } else { v.clamp(0.0, 1.0) })?;
-            command.arg("--alb").arg(name("albedo"));
+            guides.push(("--alb", name("albedo")));
         }
         if let (Some(normal), true) = (&frame.normal, frame.albedo.is_some()) {
             pfm::write(&name("normal"), normal.view(), |v| if v.is_nan() { 0.0 } else { v.clamp(-1.0, 1.0) })?;
-            command.arg("--nrm").arg(name("normal"));
+            guides.push(("--nrm", name("normal")));
         }
+        let (mut before, mut peak) = (0.0, None);
+        if mode == OidnMode::Cycles {
+            for (option, path) in &mut guides {
+                let clean = path.with_extension("clean.pfm");
+                let found = self.filter(&[(*option, path.clone())], &clean, quality, false, threads, scratch)?;
+                (before, peak) = (before + found.seconds, peak.max(found.peak));
+                *path = clean;
+            }
+        }
+        let has_clean_guides = mode == OidnMode::Cycles && !guides.is_empty();
+        pfm::write(&name("colour"), frame.colour.view(), |v| if v.is_finite() { v.max(0.0) } else { 0.0 })?;
+        guides.insert(0, ("--hdr", name("colour")));
+        let found = self.filter(&guides, &name("result"), quality, has_clean_guides, threads, scratch)?;
+        let colour = pfm::read(&name("result"))?;
+        if colour.dim() != frame.colour.dim() {
+            return Err(self.failed("gave an image of another size"));
+        }
+        Ok(OidnRun { colour, seconds: before + found.seconds, version: found.version, peak: peak.max(found.peak) })
+    }
+
+    /// One filter, run twice.
+    fn filter(
+        &self,
+        inputs: &[(&str, PathBuf)],
+        output: &Path,
+        quality: &str,
+        has_clean_guides: bool,
+        threads: usize,
+        scratch: &Path,
+    ) -> Result<FilterRun> {
+        let mut command = Command::new(&self.program);
+        command.args(["-d", "cpu", "-q", quality, "--affinity", "0", "-n", "2", "--threads"]).arg(threads.to_string());
+        inputs.iter().for_each(|(option, path)| _ = command.arg(option).arg(path));
+        command.args(has_clean_guides.then_some("--clean_aux")).arg("-o").arg(output);
         if let Some(libraries) = &self.libraries {
             let own = std::env::var_os("LD_LIBRARY_PATH").unwrap_or_default();
             let all = std::env::join_paths(std::iter::once(libraries.clone()).chain(std::env::split_paths(&own)));
@@ -87,11 +126,7 @@ impl Oidn {
         }
         let (text, peak) = self.finish(command, scratch)?;
         let seconds = milliseconds(&text).ok_or_else(|| self.failed("printed no time"))? / 1000.0;
-        let colour = pfm::read(&name("result"))?;
-        if colour.dim() != frame.colour.dim() {
-            return Err(self.failed("gave an image of another size"));
-        }
-        Ok(OidnRun { colour, seconds, version: version(&text), peak })
+        Ok(FilterRun { seconds, version: version(&text), peak })
     }
 
     /// Runs the tool to its end: what it printed, and its peak memory.

@@ -1,7 +1,7 @@
 //! The three pictures of a report: error against time, error by frame, where the time goes.
 
 use super::axes::{Label, Panel, SMALL, number, place, range, stack};
-use super::candidates::{Candidate, CandidateKind, Method};
+use super::candidates::{Candidate, CandidateKind, Method, OidnMode};
 use super::record::{Basis, ERRORS, Report, SettingRow};
 use crate::engine::STAGES;
 use crate::picture::drawing::{Anchor, Drawing, Group, Ink, Shape};
@@ -24,6 +24,8 @@ pub fn ink(candidate: &Candidate) -> Ink {
         (CandidateKind::Skipping, _) => 7,
         (CandidateKind::Lambda, Method::Hush { lambda, .. }) if lambda > 8.0 => 9,
         (CandidateKind::Lambda, _) => 8,
+        (CandidateKind::Oidn, Method::Oidn { mode: OidnMode::RawGuides }) => 5,
+        (CandidateKind::Oidn, Method::Oidn { mode: OidnMode::Fast }) => 6,
         (CandidateKind::Oidn, _) => 10,
     })
 }

@@ -32,6 +32,15 @@ def display(linear: NDArray[np.float64]) -> NDArray[np.float64]:
 def main() -> None:
     r, d = (image.astype(np.float64) for image in formula())
     gain = 0.4 / r.mean()
+    # A second reference, a brightness, and the frame before: both references and the result upside down, moved by a quarter pixel.
+    b, g = (r[:, ::-1] + 3 * r) / 4 * gain, (r + d) / 2 * gain
+    a, e = d * gain - r * gain, d * gain - b
+    print(f"unbiased relmse {np.mean(a * e / (g**2 + 1e-2)):.12f}")
+    before = [0.75 * x[::-1, :-1] + 0.25 * x[::-1, 1:] for x in (a, e)]
+    change = (a[:, :-1] - before[0]) * (e[:, :-1] - before[1]) / (2 * g[:, :-1] + 1e-2) ** 2
+    # In the last column the source is a quarter pixel beyond the last one, which is continued.
+    rim = (a[:, -1] - a[::-1, -1]) * (e[:, -1] - e[::-1, -1]) / (2 * g[:, -1] + 1e-2) ** 2
+    print(f"unbiased flicker squared {(change.sum() + rim.sum()) / a.size:.12f}")
     r, d = r * gain, d * gain
     print(f"smape  {np.mean(np.abs(d - r) / (np.abs(d) + np.abs(r) + 1e-2)):.12f}")
     print(f"relmse {np.mean((d - r) ** 2 / (r**2 + 1e-2)):.12f}")

@@ -1,10 +1,11 @@
-"""Makes the README's looping picture: a benchmark shot at 4 samples as rendered, by OIDN frame by frame, and by Hush.
+"""Makes the README's looping picture: a benchmark shot at 4 samples as rendered, by OIDN as Cycles runs it,
+frame by frame, and by Hush.
 
     python -m training.benchmark.run --cache runs/benchmark --hush target/release/hush
     python -m training.benchmark.flicker_animation --cache runs/benchmark
 
 It takes the frames that training.benchmark.run leaves behind and plays them to and fro: an animated PNG, or a GIF with fewer colours.
-Needs Pillow, OpenEXR, numpy.
+Needs Pillow, pyoidn, OpenEXR, numpy.
 """
 
 from __future__ import annotations
@@ -17,7 +18,9 @@ from PIL import Image as Pictures
 from PIL import ImageDraw, ImageFont
 
 from samples.pictures import displayed
+from training.benchmark import oidn
 from training.benchmark.frames import SHOTS, SPP, Image, Take, beauty, frame, numbers
+from training.benchmark.tables import PEER
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -61,7 +64,7 @@ def main() -> None:
     results = chosen.results or chosen.cache / "results"
     folders = {
         f"Cycles, {chosen.spp} samples": take.noisy,
-        "OIDN, frame by frame": take.cache / take.shot / f"{take.spp}spp-oidn_high",
+        "OIDN, frame by frame": take.peer(PEER, oidn.version()),
         "Hush, ±2 frames": results / take.shot / f"{take.spp}spp-window2",
     }
     shared = sorted(set.intersection(*(set(numbers(folder)) for folder in folders.values())))

@@ -11,7 +11,9 @@ import OpenEXR
 from numpy.typing import NDArray
 
 Image = NDArray[np.float32]
-SHOTS = ("interior", "garden", "glass", "walker")
+# The first four have tables of their own, so that numbers of different days can be compared.
+FIRST_SHOTS = ("interior", "garden", "glass", "walker")
+SHOTS = (*FIRST_SHOTS, "fog", "fur")
 SPP = (4, 32)
 
 
@@ -32,17 +34,39 @@ class Take:
         return self.cache / self.shot / "reference"
 
     @property
+    def halves(self) -> tuple[Path, Path]:
+        """References from every other pass and from the rest: their noise has nothing to do with each other's."""
+        return self.cache / self.shot / "reference-a", self.cache / self.shot / "reference-b"
+
+    def peer(self, method: str, version: str) -> Path:
+        """Frames of OIDN of a version, by a method."""
+        return self.cache / self.shot / f"{self.spp}spp-{method}-{version}"
+
+    @property
+    def most_samples(self) -> Take:
+        """The shot's take with the most samples that has every frame of the reference."""
+        found = [Take(self.cache, self.shot, spp) for spp in levels(self.cache, self.shot)]
+        return [take for take in found if set(numbers(self.reference)) <= set(numbers(take.noisy))][-1]
+
+    @property
     def passes(self) -> list[Path]:
         """The folders of the reference's passes."""
         return sorted((self.cache / self.shot).glob("pass[0-9]*"), key=lambda folder: int(folder.name.removeprefix("pass")))
 
     def average(self) -> None:
-        """Writes the reference's frames: the means of the passes that have them."""
+        """Writes the reference's frames, the means of the passes that have them, and those of its halves where there are two passes."""
         for number in sorted({n for folder in self.passes for n in numbers(folder)}):
             sources = [path for folder in self.passes if (path := frame(folder, number)).exists()]
-            target = frame(self.reference, number)
-            if not target.exists() or target.stat().st_mtime < max(path.stat().st_mtime for path in sources):
-                write_beauty(target, np.mean([beauty(path) for path in sources], 0))
+            write_mean(frame(self.reference, number), sources)
+            if len(sources) > 1:
+                for half, first in zip(self.halves, (0, 1), strict=True):
+                    write_mean(frame(half, number), sources[first::2])
+
+
+def write_mean(target: Path, sources: Sequence[Path]) -> None:
+    """The mean of files' beauty, unless it is there and newer than they."""
+    if not target.exists() or target.stat().st_mtime < max(path.stat().st_mtime for path in sources):
+        write_beauty(target, np.mean([beauty(path) for path in sources], 0))
 
 
 def numbers(folder: Path) -> list[int]:
@@ -52,6 +76,17 @@ def numbers(folder: Path) -> list[int]:
 
 def frame(folder: Path, number: int) -> Path:
     return folder / f"frame_{number:04d}.exr"
+
+
+def levels(cache: Path, shot: str) -> list[int]:
+    """The numbers of samples that a shot has noisy frames of, ascending."""
+    folders = ((folder, folder.name.removesuffix("spp")) for folder in (cache / shot).glob("*spp"))
+    return sorted(int(name) for folder, name in folders if name.isdecimal() and numbers(folder))
+
+
+def shared_levels(cache: Path, shots: Sequence[str]) -> list[int]:
+    """The numbers of samples that all the shots have."""
+    return sorted(set.intersection(*(set(levels(cache, shot)) for shot in shots)))
 
 
 def takes(cache: Path, shots: Sequence[str], spp: Sequence[int]) -> list[Take]:

@@ -19,7 +19,7 @@ WINDOW = 2
 class Denoiser(Protocol):
     def denoise(self, take: Take, output: Path, window: int, lam: float = 1.0) -> Path: ...
 
-    def scores(self, take: Take, folder: Path) -> dict[str, float | None]: ...
+    def scores(self, take: Take, folder: Path) -> tables.Scores: ...
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,9 @@ def curves(takes: Sequence[Take], lambdas: Sequence[float], hush: Denoiser, out:
                 left.append(np.mean(list(frames(take, folder)), 0))
                 scores.append(hush.scores(take, folder))
             noise, detail = (float(x) for x in np.mean(left, 0))
-            means = {metric: tables.mean(score[metric] for score in scores) for metric in ("smape", "relmse", "flicker")}
+            means = {
+                metric: tables.mean(tables.score(metric, score[metric]) for score in scores) for metric in ("smape", "relmse", "flicker")
+            }
             found.append(Point(spp, lam, noise, detail, **means))
     return found
 

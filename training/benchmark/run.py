@@ -1,11 +1,15 @@
-"""Measures Hush and OIDN on the benchmark's shots, prints the tables of RESULTS.md, and the λ curves.
+"""Measures Hush and OIDN on the benchmark's shots, prints the tables of RESULTS.md, the λ curves, and those of equal error.
 
     python -m training.benchmark.run --cache runs/benchmark --hush target/release/hush --update training/RESULTS.md
     python -m training.benchmark.run --cache runs/benchmark --hush target/release/hush --lambdas 1,2,4,8,16,32,64
+    python -m training.benchmark.run --cache runs/benchmark --hush target/release/hush --equal-error --shots interior
 
 The cache comes from training.benchmark.render; frames without a reference are denoised, for their neighbours' sake, but not scored.
-OIDN's frames are kept in the cache, Hush's are made anew. Tables go to standard output and, with the numbers, to --out;
+OIDN's frames are kept in the cache, by its version; Hush's are made anew. Tables go to standard output and, with the numbers, to --out;
 --update writes them into a document, between its markers.
+The unbiased errors are those of `hush eval` between the halves of the references' passes. Their brightness is what OIDN, as Cycles runs
+it, makes of the most samples that the shot has in the cache: bright as the truth, not made from the references, and the same for every
+method and every number of samples.
 Needs pyoidn, OpenEXR, numpy; no PyTorch.
 """
 
@@ -15,15 +19,15 @@ import argparse
 import json
 import math
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from training.benchmark import lambda_curves, oidn, tables, unbiased
-from training.benchmark.frames import SHOTS, SPP, Take, frame, numbers, passes, takes, write_beauty
+from training.benchmark import equal_error, lambda_curves, oidn, tables
+from training.benchmark.frames import FIRST_SHOTS, SHOTS, SPP, Take, frame, numbers, passes, shared_levels, takes, write_beauty
 
-WINDOWS = (0, 1, 2, 3)
 GUIDES = {"Combined": "RGB", "Denoising Albedo": "RGB", "Denoising Normal": "XYZ"}
 
 
@@ -39,10 +43,22 @@ class Hush:
         self._run("denoise", take.noisy, "--output", output, *options)
         return output
 
-    def scores(self, take: Take, folder: Path, reference: Path | None = None) -> dict[str, float | None]:
-        """Mean scores of a folder over the frames that have a reference."""
-        found = json.loads(self._run("eval", reference or take.reference, folder, "--vectors", take.noisy, "--json"))
-        return {metric: found["mean"].get(metric) for metric in tables.METRICS}
+    def scores(self, take: Take, folder: Path, reference: Path | None = None) -> dict[str, list[float | None]]:
+        """Scores of a folder by metric and frame, over the frames that have a reference."""
+        found = self._eval(reference or take.reference, folder, take)
+        return {metric: [row[metric] for row in found] for metric in ("smape", "relmse", "flip", "flicker")}
+
+    def unbiased(self, take: Take, folder: Path, brightness: Path) -> dict[str, list[float | None]]:
+        """Those without the references' noise, over the frames that have two passes; of flicker the squares."""
+        first, second = take.halves
+        if not numbers(first):
+            return {"unbiased_relmse": [], "unbiased_flicker": []}
+        found = [row["unbiased"] or {} for row in self._eval(first, folder, take, "--reference-b", second, "--brightness", brightness)]
+        return {f"unbiased_{name}": [row.get(key) for row in found] for name, key in (("relmse", "relmse"), ("flicker", "flicker_squared"))}
+
+    def _eval(self, reference: Path, folder: Path, take: Take, *options: str | Path) -> list[dict[str, Any]]:
+        found = json.loads(self._run("eval", reference, folder, "--vectors", take.noisy, "--json", *options))
+        return [row["scores"] for row in found["frames"]]
 
     def _run(self, *arguments: str | Path) -> str:
         result = subprocess.run([self.program, *arguments], capture_output=True, text=True, check=False)
@@ -51,28 +67,43 @@ class Hush:
         return result.stdout
 
 
-def run_oidn(take: Take, device: Any) -> dict[str, Path]:  # noqa: ANN401
-    """OIDN frame by frame, two ways; what is newer than its noisy frame stays."""
-    folders = {"oidn_high": oidn.high, "oidn_clean_aux": oidn.clean_aux}
-    found = {}
-    for name, method in folders.items():
-        found[name] = take.cache / take.shot / f"{take.spp}spp-{name}"
-        for n in numbers(take.noisy):
-            source, target = frame(take.noisy, n), frame(found[name], n)
-            if target.exists() and target.stat().st_mtime >= source.stat().st_mtime:
-                continue
-            planes = [np.ascontiguousarray(image) for image in passes(source, GUIDES).values()]
-            colour, albedo, normal = planes
-            write_beauty(target, method(device, np.maximum(colour, 0), albedo.clip(0, 1), normal))
-    return found
+def run_oidn(take: Take, device: Any, method: str) -> Path:  # noqa: ANN401
+    """OIDN frame by frame, by one of its methods; what is newer than its noisy frame stays."""
+    folder = take.peer(method, oidn.version())
+    for n in numbers(take.noisy):
+        source, target = frame(take.noisy, n), frame(folder, n)
+        if target.exists() and target.stat().st_mtime >= source.stat().st_mtime:
+            continue
+        planes = [np.ascontiguousarray(image) for image in passes(source, GUIDES).values()]
+        colour, albedo, normal = planes
+        write_beauty(target, oidn.METHODS[method](device, np.maximum(colour, 0), albedo.clip(0, 1), normal))
+    return folder
 
 
-def run_all(take: Take, hush: Hush, device: Any, out: Path) -> dict[str, Path]:  # noqa: ANN401
-    """Every method's frames of a take."""
-    folders = {"noisy": take.noisy, **run_oidn(take, device)}
-    for window in WINDOWS:
-        folders[f"window{window}"] = hush.denoise(take, out / take.shot / f"{take.spp}spp-window{window}", window)
-    return folders
+def measure(take: Take, hush: Hush, device: Any, out: Path, methods: Sequence[str]) -> dict[str, tables.Scores]:  # noqa: ANN401
+    """The scores of methods on a take."""
+    brightness = run_oidn(take.most_samples, device, tables.PEER)
+    scores: dict[str, tables.Scores] = {}
+    for method in methods:
+        if method in oidn.METHODS:
+            folder = run_oidn(take, device, method)
+        elif method.startswith("window"):
+            folder = hush.denoise(take, out / take.shot / f"{take.spp}spp-{method}", int(method.removeprefix("window")))
+        else:
+            folder = take.noisy
+        scores[method] = hush.scores(take, folder) | hush.unbiased(take, folder, brightness)
+    return scores
+
+
+def about(measured: list[Take], shots: Sequence[str]) -> str:
+    """What was measured, in a sentence or two."""
+    parts = []
+    for take in {take.shot: take for take in measured}.values():
+        shown = f"{len(numbers(take.reference))} frames, {len(take.passes)} passes"
+        parts.append(f"{take.shot} {shown}, brightness from {take.most_samples.spp} spp")
+    missing = [shot for shot in shots if shot not in {take.shot for take in measured}]
+    left_out = f" Not measured: {', '.join(missing)}." if missing else ""
+    return f"OIDN {oidn.version()}. References: {'; '.join(parts)}.{left_out} ± is one standard error over the frames."
 
 
 def reference_noise(measured: list[Take], hush: Hush) -> str:
@@ -81,7 +112,7 @@ def reference_noise(measured: list[Take], hush: Hush) -> str:
     for take in {take.shot: take for take in measured}.values():
         if len(take.passes) > 1:
             count = min(sum(frame(folder, n).exists() for folder in take.passes) for n in numbers(take.reference))
-            smape = hush.scores(take, take.passes[0], take.passes[1])["smape"] or 0.0
+            smape = tables.mean(hush.scores(take, take.passes[0], take.passes[1])["smape"]) or 0.0
             rows.append([take.shot, tables.number(smape), str(count), tables.number(smape / math.sqrt(2 * count))])
     titles = ["SMAPE of the references' own noise", "a pass against another", "passes", "the mean of all, estimated"]
     return tables.table(titles, rows) if rows else ""
@@ -101,15 +132,17 @@ def main() -> None:
     parser.add_argument("--model", type=Path, help="other weights than the program's own")
     parser.add_argument("--out", type=Path, help="folder for Hush's frames and the results (CACHE/results)")
     parser.add_argument("--shots", nargs="+", choices=SHOTS, default=list(SHOTS))
-    parser.add_argument("--spp", nargs="+", type=int, choices=SPP, default=list(SPP))
+    parser.add_argument("--spp", nargs="+", type=int, help=f"samples ({' '.join(map(str, SPP))}; for --equal-error all in the cache)")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--lambdas", type=lambdas, help="curves over these values, window ±2, instead of the tables")
+    parser.add_argument("--equal-error", action="store_true", help="the samples that OIDN needs for Hush's error, instead of the tables")
     parser.add_argument("--update", type=Path, help="document to write the tables into, such as training/RESULTS.md")
-    parser.add_argument("--figure", type=Path, help="SVG for the curves (OUT/lambda.svg)")
+    parser.add_argument("--figure", type=Path, help="SVG for the curves (OUT/lambda.svg, OUT/equal-error.svg)")
     chosen = parser.parse_args()
     out = chosen.out or chosen.cache / "results"
     out.mkdir(parents=True, exist_ok=True)
-    measured = takes(chosen.cache, chosen.shots, chosen.spp)
+    spp = chosen.spp or (shared_levels(chosen.cache, chosen.shots) if chosen.equal_error else SPP)
+    measured = takes(chosen.cache, chosen.shots, spp)
     if not measured:
         raise SystemExit(f"{chosen.cache}: nothing to measure yet; run training.benchmark.render")
     hush = Hush(chosen.hush, chosen.model, chosen.threads)
@@ -119,13 +152,17 @@ def main() -> None:
         (chosen.figure or out / "lambda.svg").write_text(lambda_curves.figure(curves), encoding="utf-8")
         name, rows = "lambda", [vars(point) for point in curves]
     else:
+        methods = (tables.PEER, equal_error.METHOD) if chosen.equal_error else tuple(tables.METHODS)
         with oidn.device(chosen.threads) as device:
-            made = [(take, run_all(take, hush, device, out)) for take in measured]
-        results = {(take.shot, take.spp): {m: hush.scores(take, folder) for m, folder in folders.items()} for take, folders in made}
-        coverage = {take.shot: len(numbers(take.reference)) for take in measured}
-        parts = (tables.report(results, coverage), reference_noise(measured, hush), unbiased.report(made))
+            results = {(take.shot, take.spp): measure(take, hush, device, out, methods) for take in measured}
+        if chosen.equal_error:
+            parts = (about(measured, chosen.shots), equal_error.report(results))
+            (chosen.figure or out / "equal-error.svg").write_text(equal_error.figure(results), encoding="utf-8")
+        else:
+            parts = (about(measured, chosen.shots), tables.report(results, FIRST_SHOTS), reference_noise(measured, hush))
         text = "\n\n".join(part for part in parts if part)
-        name, rows = "benchmark", [{"shot": shot, "spp": spp, **scores} for (shot, spp), scores in results.items()]
+        name = "equal-error" if chosen.equal_error else "benchmark"
+        rows = [{"shot": shot, "spp": spp, **scores} for (shot, spp), scores in results.items()]
     (out / f"{name}.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     (out / f"{name}.md").write_text(text + "\n", encoding="utf-8")
     print(text)

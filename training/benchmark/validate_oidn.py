@@ -2,9 +2,9 @@
 
     python -m training.benchmark.validate_oidn --shots runs/shots > runs/oidn.json
 
-Two rows a shot: `oidn_high` takes colour, albedo and normal as rendered; `oidn_clean_aux` first filters the albedo and the
-normal, each by itself, and says so with cleanAux. Scores are computed as `training.network.train.validate` does. A markdown table goes to
-stderr, the numbers of every shot go to stdout as JSON. Needs pyoidn.
+Three rows a shot: `oidn_clean_aux`, as Cycles runs it, first filters the albedo and the normal, each by itself, and says so with
+cleanAux; `oidn_high` and `oidn_fast` take them as rendered. Scores are computed as `training.network.train.validate` does. A markdown
+table goes to stderr, the numbers of every shot go to stdout as JSON. Needs pyoidn.
 """
 
 from __future__ import annotations
@@ -21,12 +21,13 @@ import torch
 from torch import Tensor
 
 from training.benchmark import oidn
+from training.benchmark.tables import METHODS as NAMES
 from training.benchmark.tables import validation_table
 from training.data.inputs import prepare
 from training.data.shots import Shot, read_split
 from training.network.loss import rel_mse, smape
 
-METHODS = ("noisy", "oidn_high", "oidn_clean_aux")
+METHODS = ("noisy", *oidn.METHODS)
 
 
 def interleaved(planes: Tensor) -> oidn.Image:
@@ -39,9 +40,8 @@ def denoised(device: pyoidn.Device, shot: Shot) -> dict[str, Tensor]:
     colour = interleaved(shot.colour[shot.centre].clamp_min(0))
     albedo = interleaved(shot.albedo[shot.centre].clamp(0, 1))
     normal = interleaved(shot.normal[shot.centre])
-    high = oidn.high(device, colour, albedo, normal)
-    clean = oidn.clean_aux(device, colour, albedo, normal)
-    return {name: torch.from_numpy(x).permute(2, 0, 1) for name, x in zip(METHODS, (colour, high, clean), strict=True)}
+    images = {"noisy": colour, **{name: method(device, colour, albedo, normal) for name, method in oidn.METHODS.items()}}
+    return {name: torch.from_numpy(image).permute(2, 0, 1) for name, image in images.items()}
 
 
 def main() -> None:
@@ -64,7 +64,7 @@ def main() -> None:
                 row[name] = {"smape": float(smape(scaled, reference).mean()), "rel_mse": float(rel_mse(scaled, reference).mean())}
             scores.append(row)
     mean = {m: {k: float(np.mean([s[m][k] for s in scores])) for k in ("smape", "rel_mse")} for m in METHODS}
-    print(validation_table({m: [(s[m]["smape"], s[m]["rel_mse"]) for s in scores] for m in METHODS}), file=sys.stderr)
+    print(validation_table({NAMES[m]: [(s[m]["smape"], s[m]["rel_mse"]) for s in scores] for m in METHODS}), file=sys.stderr)
     shots = [{"seed": shot.seed, "spp": shot.spp, **row} for shot, row in zip(held, scores, strict=True)]
     print(json.dumps({"pyoidn": version("pyoidn"), "mean": mean, "shots": shots}, indent=1))
 

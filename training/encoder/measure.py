@@ -14,15 +14,13 @@ import torch
 from torch import Tensor
 
 from training.benchmark import oidn
-from training.benchmark.tables import validation_table
+from training.benchmark.tables import METHODS, validation_table
 from training.benchmark.validate_oidn import denoised
 from training.data.inputs import prepare
 from training.data.shots import OFFSETS, read_split
 from training.encoder.train import WeightsFile
 from training.network.loss import rel_mse, smape
 from training.network.train import collate
-
-OIDN = {"noisy": "noisy", "oidn_high": "OIDN high", "oidn_clean_aux": "OIDN clean_aux"}
 
 
 @torch.no_grad()
@@ -39,7 +37,7 @@ def main() -> None:
     with oidn.device(a.threads) as device:
         nets = {name: file.network(name) for name in file.renderers()}
         for shot in held:
-            images: dict[str, Tensor] = {OIDN[name]: image for name, image in denoised(device, shot).items()}
+            images: dict[str, Tensor] = {METHODS[name]: image for name, image in denoised(device, shot).items()}
             for window, offsets in ((0, ()), (2, OFFSETS)):
                 batch = collate([prepare(shot, offsets)])
                 for name, net in nets.items():
