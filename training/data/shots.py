@@ -1,4 +1,4 @@
-"""Reads the rendered shots, draws the line between training and validation, and turns shots round."""
+"""Reads the rendered shots and draws the line between training and validation."""
 
 from __future__ import annotations
 
@@ -11,22 +11,20 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from training.data.geometry import Chain, chain
-
 OFFSETS = (-1, 1, -2, 2)
 FARTHEST = 3
 
 
 @dataclass
 class Shot:
-    """The n frames of a shot, 5 or 7.
+    """The n frames of a shot, 5 or 7; or of a batch of shots, with a leading dimension B in every tensor and spp (B,).
 
     colour, albedo, normal (n, 3, H, W), depth (n, 1, H, W), vector (n, 4, H, W); references: frame → (3, H, W), the middle one and
-    in some shots the one before; paths: (frame, offset) → `geometry.chain`, filled when they are wanted.
+    in some shots the one before.
     """
 
     seed: int
-    spp: int
+    spp: int | Tensor
     colour: Tensor
     albedo: Tensor
     normal: Tensor
@@ -34,26 +32,21 @@ class Shot:
     vector: Tensor
     references: dict[int, Tensor]
     meta: dict[str, object] = field(default_factory=dict)
-    paths: dict[tuple[int, int], Chain] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return self.depth.shape[-4]
 
     @property
     def centre(self) -> int:
-        return len(self.depth) // 2
+        return len(self) // 2
 
     @property
     def reference(self) -> Tensor:
         return self.references[self.centre]
 
-    def path(self, frame: int, offset: int) -> Chain:
-        """Where frame's pixels lie in frame + offset."""
-        if (frame, offset) not in self.paths:
-            vectors = {k - frame: self.vector[k] for k in range(len(self.vector))}
-            self.paths[frame, offset] = chain(vectors, offset)
-        return self.paths[frame, offset]
-
     def window(self, frame: int, reach: int = FARTHEST) -> list[int]:
         """The offsets of the frame's neighbours that the shot has, at most `reach` away."""
-        return [k for k in range(-reach, reach + 1) if k != 0 and 0 <= frame + k < len(self.depth)]
+        return [k for k in range(-reach, reach + 1) if k != 0 and 0 <= frame + k < len(self)]
 
 
 def read_shot(path: Path) -> Shot:
@@ -88,31 +81,3 @@ def read_split(folders: Sequence[Path]) -> tuple[list[Shot], list[Shot]]:
     """Training shots and validation shots of some folders."""
     paths = shot_paths(folders)
     return [read_shot(p) for p in paths if not is_held(p)], [read_shot(p) for p in paths if is_held(p)]
-
-
-def oriented(shot: Shot, flip_x: bool, flip_y: bool, transpose: bool) -> Shot:
-    """The shot mirrored; normals (camera space, y up), vectors (y up) and paths turn with the image."""
-    images = [shot.colour, shot.albedo, shot.depth, shot.normal, shot.vector, *shot.references.values()]
-    paths = dict(shot.paths)
-    high, wide = shot.depth.shape[-2] - 1.0, shot.depth.shape[-1] - 1.0
-    for wanted, dims in ((flip_x, -1), (flip_y, -2)):
-        if not wanted:
-            continue
-        images = [torch.flip(x, (dims,)) for x in images]
-        axis = -1 - dims
-        images[3][:, axis] *= -1
-        images[4][:, axis] *= -1
-        images[4][:, axis + 2] *= -1
-        for key, path in paths.items():
-            position, trust, miss = (torch.flip(x, (dims,)) for x in path)
-            position[axis] = (wide, high)[axis] - position[axis]
-            paths[key] = position, trust, miss
-    if transpose:
-        images = [x.transpose(-1, -2) for x in images]
-        n, v = images[3], images[4]
-        images[3] = torch.stack((-n[:, 1], -n[:, 0], n[:, 2]), 1)
-        images[4] = torch.stack((-v[:, 1], -v[:, 0], -v[:, 3], -v[:, 2]), 1)
-        paths = {k: (p.transpose(-1, -2).flip(0), t.transpose(-1, -2), m.transpose(-1, -2)) for k, (p, t, m) in paths.items()}
-    colour, albedo, depth, normal, vector, *references = images
-    turned = dict(zip(shot.references, references, strict=True))
-    return Shot(shot.seed, shot.spp, colour, albedo, normal, depth, vector, turned, shot.meta, paths)
