@@ -34,25 +34,6 @@ def moving_shot(count: int = 7, references: tuple[int, ...] = (3, 2)) -> Shot:
     return Shot(1, 4, n(3, 1) * 3, n(3, 2), n(3, 3) * 2 - 1, n(1, 4) * 9 - 1, vector, targets)
 
 
-@pytest.mark.parametrize(("sizes", "coarse"), [((5, 3, 3), 3), ((5,), 3), ((5, 3), 0), ((3, 1, 1, 1), 0)])
-def test_the_fused_kernels_are_the_plain_ones(sizes: tuple[int, ...], coarse: int) -> None:
-    taps = sum(s * s for s in sizes) + coarse**2
-    logits = noise(2, taps, ROWS, COLUMNS, seed=1) * 90 - 45
-    images, valid = noise(2, len(sizes), 3, ROWS, COLUMNS, seed=2) * 9, (noise(2, len(sizes), 1, ROWS, COLUMNS, seed=3) > 0.3).float()
-    colour, mask = noise(2, 3, ROWS // 2, COLUMNS // 2, seed=4), (noise(2, 1, ROWS // 2, COLUMNS // 2, seed=5) > 0.2).float()
-    pull = noise(2, 3, ROWS, COLUMNS, seed=6)
-    queries, keys = noise(2, len(sizes), 2, ROWS, COLUMNS, seed=7) * 8 - 4, noise(2, len(sizes), 1, ROWS, COLUMNS, seed=8)
-    results = []
-    for average in (kernel_average, fused.average):
-        inputs = [logits.clone().requires_grad_(), queries.clone().requires_grad_(), colour.clone().requires_grad_()]
-        out, norm = average(inputs[0], images, valid, sizes, (inputs[2], mask) if coarse else None, coarse, (inputs[1], keys))
-        (out * pull).sum().backward()
-        results.append([out.detach(), norm.log1p(), *(x.grad for x in inputs[: 3 if coarse else 2])])
-    for plain, fast in zip(*results, strict=True):
-        torch.testing.assert_close(fast, plain, rtol=1e-4, atol=1e-5)
-        assert plain.abs().max() > 0
-
-
 @pytest.mark.parametrize(
     "turn", [(True, False, False), (False, True, False), (True, True, False), (False, False, True), (True, False, True)]
 )

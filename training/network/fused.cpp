@@ -34,16 +34,23 @@ struct Tap {
     std::ptrdiff_t image_at; // index of red of the row that is read, shifted as `source`; of a frame's tap
 };
 
+// The coarser level's colour (B, 3, h, w) and valid mask (B, 1, h, w); null without.
+struct Coarse {
+    const float *colour, *mask;
+};
+
 // One coarse row at twice its width, each pixel twice; channels 0…2 and the valid mask.
-void expand(const float *coarse, std::ptrdiff_t half_plane, std::ptrdiff_t row, std::ptrdiff_t half_columns, float *wide) {
-    for (int c = 0; c < 4; ++c)
-        for (std::ptrdiff_t x = 0; x < half_columns; ++x)
-            wide[c * 2 * half_columns + 2 * x] = wide[c * 2 * half_columns + 2 * x + 1] = coarse[c * half_plane + row * half_columns + x];
+void expand(const Coarse &coarse, std::ptrdiff_t b, std::ptrdiff_t half_plane, std::ptrdiff_t row, std::ptrdiff_t half_columns, float *wide) {
+    for (int c = 0; c < 4; ++c) {
+        const float *from = (c < 3 ? coarse.colour + (b * 3 + c) * half_plane : coarse.mask + b * half_plane) + row * half_columns;
+        float *to = wide + c * 2 * half_columns;
+        for (std::ptrdiff_t x = 0; x < half_columns; ++x) to[2 * x] = to[2 * x + 1] = from[x];
+    }
 }
 
 // Calls visit(Tap) for each tap of a row, in the order of the logits.
 template <typename Visit>
-void each_tap(const Shape &s, std::ptrdiff_t b, std::ptrdiff_t y, const float *images, const float *valid, const float *coarse, const float *queries, const float *keys, float *wide, Visit visit) {
+void each_tap(const Shape &s, std::ptrdiff_t b, std::ptrdiff_t y, const float *images, const float *valid, const Coarse &coarse, const float *queries, const float *keys, float *wide, Visit visit) {
     const std::ptrdiff_t w = s.columns, plane = s.plane();
     std::ptrdiff_t index = 0;
     for (std::ptrdiff_t f = 0; f < s.frames; ++f) {
@@ -65,7 +72,7 @@ void each_tap(const Shape &s, std::ptrdiff_t b, std::ptrdiff_t y, const float *i
             index += s.coarse;
             continue;
         }
-        expand(coarse + b * 4 * half_rows * half_columns, half_rows * half_columns, row, half_columns, wide);
+        expand(coarse, b, half_rows * half_columns, row, half_columns, wide);
         for (int dx = -radius; dx <= radius; ++dx, ++index) {
             const std::ptrdiff_t at = 2 * dx;
             visit(Tap{{wide + at, wide + w + at, wide + 2 * w + at}, wide + 3 * w + at, std::max<std::ptrdiff_t>(0, -at), std::min(w, w - at), index, at, row, nullptr, nullptr, 0, 0});
@@ -87,14 +94,14 @@ void moved_by_keys(const Tap &t, const float *logit, std::ptrdiff_t plane, float
 extern "C" {
 
 void hush_apply(std::ptrdiff_t batch, std::ptrdiff_t frames, std::ptrdiff_t rows, std::ptrdiff_t columns, const int *sizes, int coarse_size,
-                const float *logits, const float *images, const float *valid, const float *coarse, const float *queries, const float *keys, float *out, float *norm) {
+                const float *logits, const float *images, const float *valid, const float *colour, const float *mask, const float *queries, const float *keys, float *out, float *norm) {
     const Shape s{batch, frames, rows, columns, sizes, coarse_size};
     const std::ptrdiff_t plane = s.plane(), taps = s.taps();
     std::vector<float> wide(4 * columns), moved(columns);
     for (std::ptrdiff_t b = 0; b < batch; ++b)
         for (std::ptrdiff_t y = 0; y < rows; ++y) {
             float *r0 = out + b * 3 * plane + y * columns, *r1 = r0 + plane, *r2 = r1 + plane, *total = norm + b * plane + y * columns;
-            each_tap(s, b, y, images, valid, coarse, queries, keys, wide.data(), [&](const Tap &t) {
+            each_tap(s, b, y, images, valid, {colour, mask}, queries, keys, wide.data(), [&](const Tap &t) {
                 moved_by_keys(t, logits + (b * taps + t.index) * plane + y * columns, plane, moved.data());
                 const float *logit = moved.data();
                 for (std::ptrdiff_t x = t.first; x < t.last; ++x) {
@@ -116,8 +123,8 @@ void hush_apply(std::ptrdiff_t batch, std::ptrdiff_t frames, std::ptrdiff_t rows
 
 // What is added to must be 0 before; to_images may be null.
 void hush_apply_backward(std::ptrdiff_t batch, std::ptrdiff_t frames, std::ptrdiff_t rows, std::ptrdiff_t columns, const int *sizes, int coarse_size,
-                         const float *logits, const float *images, const float *valid, const float *coarse, const float *queries, const float *keys,
-                         const float *out, const float *norm, const float *gradient, float *to_logits, float *to_images, float *to_coarse, float *to_queries) {
+                         const float *logits, const float *images, const float *valid, const float *colour, const float *mask, const float *queries, const float *keys,
+                         const float *out, const float *norm, const float *gradient, float *to_logits, float *to_images, float *to_colour, float *to_queries) {
     const Shape s{batch, frames, rows, columns, sizes, coarse_size};
     const std::ptrdiff_t plane = s.plane(), taps = s.taps(), half_columns = columns / 2, half_plane = plane / 4;
     std::vector<float> wide(4 * columns), g(3 * columns), centre(columns), spread(3 * columns), moved(columns);
@@ -132,7 +139,7 @@ void hush_apply_backward(std::ptrdiff_t batch, std::ptrdiff_t frames, std::ptrdi
                 g2[x] = gradient[at + 2 * plane] * share;
                 centre[x] = g0[x] * out[at] + g1[x] * out[at + plane] + g2[x] * out[at + 2 * plane];
             }
-            each_tap(s, b, y, images, valid, coarse, queries, keys, wide.data(), [&](const Tap &t) {
+            each_tap(s, b, y, images, valid, {colour, mask}, queries, keys, wide.data(), [&](const Tap &t) {
                 const std::ptrdiff_t at = (b * taps + t.index) * plane + y * columns;
                 moved_by_keys(t, logits + at, plane, moved.data());
                 const float *logit = moved.data();
@@ -158,7 +165,7 @@ void hush_apply_backward(std::ptrdiff_t batch, std::ptrdiff_t frames, std::ptrdi
                         for (std::ptrdiff_t x = t.first; x < t.last; ++x) target[x] += row[x];
                         continue;
                     }
-                    float *target = to_coarse + (b * 3 + c) * half_plane + t.coarse_row * half_columns + t.shift / 2;
+                    float *target = to_colour + (b * 3 + c) * half_plane + t.coarse_row * half_columns + t.shift / 2;
                     for (std::ptrdiff_t x = t.first; x < t.last; x += 2) target[x / 2] += row[x] + row[x + 1];
                 }
             });

@@ -40,8 +40,8 @@ def library() -> ctypes.CDLL:
     return ctypes.CDLL(str(built))
 
 
-def call(name: str, sizes: Sequence[int], coarse_taps: int, images: Tensor, *arrays: Tensor) -> None:
-    """One function of the library; images (B, T, 3, H, W) gives the shape, `arrays` follow in the function's order, empty ones as null."""
+def launch(name: str, sizes: Sequence[int], coarse_taps: int, images: Tensor, *arrays: Tensor) -> None:
+    """One function of the library, as `cuda.launch`."""
     b, t, _, h, w = images.shape
     for a in arrays:
         assert a.is_contiguous() and a.dtype == torch.float32
@@ -61,12 +61,7 @@ def apply(
     """`model.kernel_average` with empty tensors for what is not there: the average and the sum of the weights."""
     arrays = plain(logits, images, valid, colour, mask, queries, keys)
     results = [torch.zeros_like(arrays[1][:, 0]), torch.zeros_like(arrays[2][:, 0])]
-    if images.is_cuda:
-        cuda.launch("hush_apply", sizes, coarse_taps, images, *arrays, *results)
-    else:
-        logits, images, valid, colour, mask, queries, keys = arrays
-        coarse = torch.cat((colour, mask), 1) if coarse_taps else colour
-        call("hush_apply", sizes, coarse_taps, images, logits, images, valid, coarse, queries, keys, *results)
+    (cuda.launch if images.is_cuda else launch)("hush_apply", sizes, coarse_taps, images, *arrays, *results)
     return results[0], results[1]
 
 
@@ -80,12 +75,7 @@ def apply_backward(
     results = [torch.zeros_like(arrays[k], memory_format=torch.contiguous_format) for k in (0, 1, 3, 5)]
     if not for_images:
         results[1] = images.new_zeros(0, dtype=torch.float32)
-    if images.is_cuda:
-        cuda.launch("hush_apply_backward", sizes, coarse_taps, images, *arrays, *results)
-    else:
-        logits, images, valid, colour, mask, queries, keys, out, norm, gradient = arrays
-        coarse = torch.cat((colour, mask), 1) if coarse_taps else colour
-        call("hush_apply_backward", sizes, coarse_taps, images, logits, images, valid, coarse, queries, keys, out, norm, gradient, *results)
+    (cuda.launch if images.is_cuda else launch)("hush_apply_backward", sizes, coarse_taps, images, *arrays, *results)
     return results[0], results[1], results[2], results[3]
 
 
