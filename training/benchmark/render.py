@@ -2,8 +2,8 @@
 
     python -m training.benchmark.render --cache runs/benchmark
 
-Four animated shots of 8 frames at 320×180, made for measuring and never trained on: nothing of them comes from the training
-shots' generator. The noisy frames are what Blender writes for an artist with Denoising Data and Vector on; the references have
+Animated shots of 8 frames at 320×180, made for measuring and never trained on: nothing of them comes from the training shots'
+generator. The noisy frames are what Blender writes for an artist with Denoising Data and Vector on; the references have
 another seed and far more samples, in passes with seeds of their own: training.benchmark.run takes their mean, and tells from their
 difference how noisy it still is. Frames that are there are skipped, so it can be stopped and started again. Wants bpy 5.0.1, numpy,
 OpenEXR.
@@ -12,21 +12,51 @@ OpenEXR.
 from __future__ import annotations
 
 import argparse
-import tempfile
+import os
+import sys
 import time
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import bpy
 
-from training.benchmark.frames import SHOTS, SPP
-from training.benchmark.scenes import garden, glass, interior, walker
+from training.benchmark.frames import SPP
+from training.benchmark.scenes import fog, fur, garden, glass, interior, walker
 from training.benchmark.scenes.kit import FIRST, LAST
+from training.shots.cycles import device
+from training.shots.processes import run_all
 
-SCENES = {"interior": interior, "garden": garden, "glass": glass, "walker": walker}
-KINDS = (*map(str, SPP), "reference")
+SCENES = {"interior": interior, "garden": garden, "glass": glass, "walker": walker, "fog": fog, "fur": fur}
 WIDTH, HEIGHT = 320, 180
 # Of a pass: samples at most, noise threshold at which a pixel has enough.
 REFERENCE = (384, 0.012)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Where the frames go, and on what they are rendered."""
+
+    cache: Path
+    threads: int
+    device: str
+
+
+@dataclass
+class Built:
+    """The shot that a process has in Blender."""
+
+    shot: str = ""
+
+
+BUILT = Built()
+
+
+def kind(text: str) -> str:
+    """A number of samples, or reference."""
+    if text != "reference" and not (text.isdecimal() and int(text) > 0):
+        raise argparse.ArgumentTypeError(f"{text!r} is neither a number of samples nor reference")
+    return text
 
 
 def folders(kinds: list[str], passes: int) -> list[str]:
@@ -44,7 +74,6 @@ def build(shot: str) -> bpy.types.Scene:
     render.resolution_x, render.resolution_y, render.resolution_percentage = WIDTH, HEIGHT, 100
     render.use_motion_blur = False
     render.use_persistent_data = True
-    cycles.device = "CPU"
     cycles.use_denoising = False
     cycles.max_bounces, cycles.diffuse_bounces, cycles.glossy_bounces, cycles.transmission_bounces = 8, 2, 3, 8
     cycles.sample_clamp_indirect = 10.0
@@ -73,44 +102,59 @@ def prepare(scene: bpy.types.Scene, folder: str) -> None:
     layer.use_pass_z = False
 
 
-def render(scene: bpy.types.Scene, frame: int, target: Path, scratch: Path) -> float:
+def render(scene: bpy.types.Scene, frame: int, target: Path) -> float:
     """One frame, written aside and moved into place; seconds it took."""
     began = time.perf_counter()
     scene.frame_set(frame)
     scene.update_tag()  # a new seed alone does not reach persistent data
-    aside = scratch / target.name
+    target.parent.mkdir(parents=True, exist_ok=True)
+    aside = target.with_name(f".{os.getpid()}-{target.name}")
     scene.render.filepath = str(aside)
     bpy.ops.render.render(write_still=True)
-    target.parent.mkdir(parents=True, exist_ok=True)
     aside.replace(target)
     return time.perf_counter() - began
+
+
+def target_of(cache: Path, job: str) -> Path:
+    shot, folder, frame = job.split()
+    return cache / shot / folder / f"frame_{int(frame):04d}.exr"
+
+
+def rendered(settings: Settings, job: str) -> str:
+    """A job, such as `glass pass1 3`, in the shot that the process has, or else the one it builds; a line about it."""
+    shot, folder, frame = job.split()
+    target = target_of(settings.cache, job)
+    if target.exists():
+        return ""
+    if shot != BUILT.shot:
+        build(shot)
+        BUILT.shot = shot
+    scene = bpy.context.scene
+    device.choose(scene, settings.device)
+    if settings.threads:
+        scene.render.threads_mode, scene.render.threads = "FIXED", settings.threads
+    prepare(scene, folder)
+    return f"{shot} {folder} frame {frame}: {render(scene, int(frame), target):.1f} s"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cache", type=Path, required=True, help="folder for the shots")
-    parser.add_argument("--shots", nargs="+", choices=SHOTS, default=list(SHOTS))
-    parser.add_argument("--spp", nargs="+", choices=KINDS, default=list(KINDS), help="samples of noisy frames, or reference")
+    parser.add_argument("--shots", nargs="+", choices=SCENES, default=list(SCENES))
+    parser.add_argument("--spp", nargs="+", type=kind, default=[*map(str, SPP), "reference"], help="samples of noisy frames, or reference")
     parser.add_argument("--passes", type=int, default=4, help="of the references")
     parser.add_argument("--frames", type=int, nargs="+", default=list(range(FIRST, LAST + 1)))
-    parser.add_argument("--threads", type=int, default=0, help="threads for Cycles; 0: all")
+    parser.add_argument("--threads", type=int, default=0, help="threads for Cycles, of each process; 0: all")
+    parser.add_argument("--processes", type=int, default=1, help="that render at once")
+    parser.add_argument("--device", choices=device.DEVICES, default="cpu", help="that Cycles renders on")
     chosen = parser.parse_args()
-    cache = chosen.cache.resolve()
-    cache.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=cache, prefix=".rendering-") as scratch:
-        for shot in chosen.shots:
-            scene = None
-            for folder in folders(chosen.spp, chosen.passes):
-                wanted = {frame: cache / shot / folder / f"frame_{frame:04d}.exr" for frame in chosen.frames}
-                for frame, target in wanted.items():
-                    if target.exists():
-                        continue
-                    scene = scene or build(shot)
-                    if chosen.threads:
-                        scene.render.threads_mode, scene.render.threads = "FIXED", chosen.threads
-                    prepare(scene, folder)
-                    seconds = render(scene, frame, target, Path(scratch))
-                    print(f"{shot} {folder} frame {frame}: {seconds:.1f} s", flush=True)
+    settings = Settings(chosen.cache.resolve(), chosen.threads, chosen.device)
+    wanted = folders(chosen.spp, chosen.passes)
+    jobs = [f"{shot} {folder} {frame}" for shot in chosen.shots for folder in wanted for frame in chosen.frames]
+    left = [job for job in jobs if not target_of(settings.cache, job).exists()]
+    lost = run_all(partial(rendered, settings), left, chosen.processes)
+    if lost:
+        sys.exit(f"not rendered: {', '.join(lost)}; run it again for these")
 
 
 if __name__ == "__main__":
