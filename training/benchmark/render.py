@@ -12,25 +12,16 @@ OpenEXR.
 from __future__ import annotations
 
 import argparse
-import os
 import sys
-import time
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-import bpy
-
-from training.benchmark.frames import SPP
-from training.benchmark.scenes import fog, fur, garden, glass, interior, walker
-from training.benchmark.scenes.kit import FIRST, LAST
-from training.shots.cycles import device
+from training.benchmark.frames import SHOTS, SPP
+from training.shots.cycles.device import DEVICES
 from training.shots.processes import run_all
 
-SCENES = {"interior": interior, "garden": garden, "glass": glass, "walker": walker, "fog": fog, "fur": fur}
-WIDTH, HEIGHT = 320, 180
-# Of a pass: samples at most, noise threshold at which a pixel has enough.
-REFERENCE = (384, 0.012)
+FRAMES = tuple(range(1, 9))
 
 
 @dataclass(frozen=True)
@@ -40,16 +31,6 @@ class Settings:
     cache: Path
     threads: int
     device: str
-
-
-@dataclass
-class Built:
-    """The shot that a process has in Blender."""
-
-    shot: str = ""
-
-
-BUILT = Built()
 
 
 def kind(text: str) -> str:
@@ -64,89 +45,33 @@ def folders(kinds: list[str], passes: int) -> list[str]:
     return [f"{kind}spp" for kind in kinds if kind.isdecimal()] + [f"pass{k + 1}" for k in range(passes) if "reference" in kinds]
 
 
-def build(shot: str) -> bpy.types.Scene:
-    """The shot in an empty file, with what noisy frames and references share: clamping too, or their means would differ."""
-    bpy.ops.wm.read_homefile(use_empty=True)
-    scene = bpy.context.scene
-    SCENES[shot].build()
-    render, cycles = scene.render, scene.cycles
-    render.engine = "CYCLES"
-    render.resolution_x, render.resolution_y, render.resolution_percentage = WIDTH, HEIGHT, 100
-    render.use_motion_blur = False
-    render.use_persistent_data = True
-    cycles.use_denoising = False
-    cycles.max_bounces, cycles.diffuse_bounces, cycles.glossy_bounces, cycles.transmission_bounces = 8, 2, 3, 8
-    cycles.sample_clamp_indirect = 10.0
-    cycles.caustics_reflective = cycles.caustics_refractive = False
-    cycles.use_light_tree = False  # dearer a sample, and there are few lamps
-    cycles.use_animated_seed = True  # or every frame carries the same noise
-    settings = render.image_settings
-    settings.media_type = "MULTI_LAYER_IMAGE"  # first: it resets the rest
-    settings.file_format, settings.color_depth, settings.exr_codec = "OPEN_EXR_MULTILAYER", "16", "ZIP"
-    scene.frame_start, scene.frame_end = FIRST, LAST
-    return scene
-
-
-def prepare(scene: bpy.types.Scene, folder: str) -> None:
-    """Samples, seed and passes of the frames of a folder."""
-    cycles, layer = scene.cycles, scene.view_layers[0]
-    noisy = folder.endswith("spp")
-    if noisy:
-        samples = int(folder.removesuffix("spp"))
-        cycles.samples, cycles.seed, cycles.use_adaptive_sampling = samples, samples, False
-    else:
-        cycles.samples, cycles.adaptive_threshold = REFERENCE
-        cycles.seed, cycles.use_adaptive_sampling, cycles.adaptive_min_samples = 70002 + 1000 * int(folder.removeprefix("pass")), True, 64
-    layer.cycles.denoising_store_passes = noisy
-    layer.use_pass_vector = noisy
-    layer.use_pass_z = False
-
-
-def render(scene: bpy.types.Scene, frame: int, target: Path) -> float:
-    """One frame, written aside and moved into place; seconds it took."""
-    began = time.perf_counter()
-    scene.frame_set(frame)
-    scene.update_tag()  # a new seed alone does not reach persistent data
-    target.parent.mkdir(parents=True, exist_ok=True)
-    aside = target.with_name(f".{os.getpid()}-{target.name}")
-    scene.render.filepath = str(aside)
-    bpy.ops.render.render(write_still=True)
-    aside.replace(target)
-    return time.perf_counter() - began
-
-
 def target_of(cache: Path, job: str) -> Path:
     shot, folder, frame = job.split()
     return cache / shot / folder / f"frame_{int(frame):04d}.exr"
 
 
 def rendered(settings: Settings, job: str) -> str:
-    """A job, such as `glass pass1 3`, in the shot that the process has, or else the one it builds; a line about it."""
-    shot, folder, frame = job.split()
+    """A job, such as `glass pass1 3`; a line about it, empty where it is there."""
+    from training.benchmark import shot  # brings bpy, which changes the paths that further processes would inherit
+
     target = target_of(settings.cache, job)
     if target.exists():
         return ""
-    if shot != BUILT.shot:
-        build(shot)
-        BUILT.shot = shot
-    scene = bpy.context.scene
-    device.choose(scene, settings.device)
-    if settings.threads:
-        scene.render.threads_mode, scene.render.threads = "FIXED", settings.threads
-    prepare(scene, folder)
-    return f"{shot} {folder} frame {frame}: {render(scene, int(frame), target):.1f} s"
+    name, folder, frame = job.split()
+    seconds = shot.rendered(name, folder, int(frame), target, settings.device, settings.threads)
+    return f"{name} {folder} frame {frame}: {seconds:.1f} s"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cache", type=Path, required=True, help="folder for the shots")
-    parser.add_argument("--shots", nargs="+", choices=SCENES, default=list(SCENES))
+    parser.add_argument("--shots", nargs="+", choices=SHOTS, default=list(SHOTS))
     parser.add_argument("--spp", nargs="+", type=kind, default=[*map(str, SPP), "reference"], help="samples of noisy frames, or reference")
     parser.add_argument("--passes", type=int, default=4, help="of the references")
-    parser.add_argument("--frames", type=int, nargs="+", default=list(range(FIRST, LAST + 1)))
+    parser.add_argument("--frames", type=int, nargs="+", default=list(FRAMES))
     parser.add_argument("--threads", type=int, default=0, help="threads for Cycles, of each process; 0: all")
     parser.add_argument("--processes", type=int, default=1, help="that render at once")
-    parser.add_argument("--device", choices=device.DEVICES, default="cpu", help="that Cycles renders on")
+    parser.add_argument("--device", choices=DEVICES, default="cpu", help="that Cycles renders on")
     chosen = parser.parse_args()
     settings = Settings(chosen.cache.resolve(), chosen.threads, chosen.device)
     wanted = folders(chosen.spp, chosen.passes)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 import random
+from typing import Any
 
 import bpy
 import numpy as np
+from mathutils import Matrix
 
 from samples import shading, shapes
 from training.benchmark.scenes.kit import Colour, Point, animate, between, block, camera, grid, lamp, lathe, plain, progress, sky, speckled
@@ -43,25 +45,25 @@ def hairs(r: np.random.Generator, radii: Point, count: int, length: float) -> tu
     return points, thick
 
 
+def area(radii: Point) -> float:
+    """Of an ellipsoid, about."""
+    a, b, c = (size**1.6 for size in radii)
+    return 4 * math.pi * ((a * b + a * c + b * c) / 3) ** (1 / 1.6)
+
+
 def furry(
-    r: np.random.Generator, name: str, radii: Point, at: Point, skin: bpy.types.Material, pelt: bpy.types.Material, length: float
+    r: np.random.Generator, name: str, radii: Point, materials: tuple[bpy.types.Material, bpy.types.Material], length: float
 ) -> bpy.types.Object:
-    """An ellipsoid with hair; the hair is its child."""
-    body = shapes.finished(shapes.sphere(name, 1.0, at), skin)
-    body.data.transform(((radii[0], 0, 0, 0), (0, radii[1], 0, 0), (0, 0, radii[2], 0), (0, 0, 0, 1)))
-    area = (
-        4 * math.pi * (sum((a * b) ** 1.6 for a, b in ((radii[0], radii[1]), (radii[0], radii[2]), (radii[1], radii[2]))) / 3) ** (1 / 1.6)
-    )
-    points, thick = hairs(r, radii, round(area * 30000), length)
+    """An ellipsoid of the first material with hair of the second, its child."""
+    body = shapes.finished(shapes.sphere(name, 1.0, (0, 0, 0)), materials[0])
+    body.data.transform(Matrix.Diagonal((*radii, 1.0)))
+    points, thick = hairs(r, radii, round(area(radii) * 30000), length)
     data = bpy.data.hair_curves.new(name)
     data.add_curves([JOINTS] * len(points))
     data.attributes["position"].data.foreach_set("vector", points.astype(np.float32).ravel())
-    (data.attributes.get("radius") or data.attributes.new("radius", "FLOAT", "POINT")).data.foreach_set(
-        "value", thick.astype(np.float32).ravel()
-    )
-    data.materials.append(pelt)
-    coat = shapes.added(name + " coat", data)
-    coat.parent = body
+    data.attributes.new("radius", "FLOAT", "POINT").data.foreach_set("value", thick.astype(np.float32).ravel())
+    data.materials.append(materials[1])
+    shapes.added(name + " coat", data).parent = body
     return body
 
 
@@ -76,10 +78,13 @@ def bear(at: Point) -> None:
     skin = plain("cloth", (0.16, 0.08, 0.035), Roughness=0.9)
     brown, cream = pelt("brown", (0.20, 0.085, 0.03), (0.46, 0.24, 0.10)), pelt("cream", (0.72, 0.58, 0.40), (0.93, 0.84, 0.68))
     black = plain("button", (0.008, 0.007, 0.007), Roughness=0.08)
-    part = lambda name, radii, parent, where, coat=brown, length=0.05: joined(
-        furry(r, name, radii, (0, 0, 0), skin, coat, length), parent, where
-    )
-    body = furry(r, "body", (0.20, 0.17, 0.23), at, skin, brown, 0.06)
+
+    def part(
+        name: str, radii: Point, parent: bpy.types.Object, where: Point, coat: bpy.types.Material = brown, length: float = 0.05
+    ) -> Any:  # noqa: ANN401
+        return joined(furry(r, name, radii, (skin, coat), length), parent, where)
+
+    body = furry(r, "body", (0.20, 0.17, 0.23), (skin, brown), 0.06)
     animate(body, "rotation_euler", lambda f: (0.0, 0.05 * math.sin(0.9 * f), -0.5 + 0.55 * progress(f)))
     animate(body, "location", lambda f: (at[0] + 0.06 * progress(f), at[1], at[2] + 0.05 * abs(math.sin(0.42 * f))))
     part("belly", (0.13, 0.05, 0.15), body, (0, -0.135, -0.02), cream)

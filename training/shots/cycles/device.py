@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-import bpy
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import bpy
 
 DEVICES = ("cpu", "cuda", "optix", "hip", "metal", "oneapi")
 
@@ -13,6 +16,8 @@ def choose(scene: bpy.types.Scene, device: str) -> None:
     Raises:
         SystemExit: Cycles finds no such GPU.
     """
+    import bpy  # only where it is used: whoever lists the devices needs none
+
     if device == "cpu":
         scene.cycles.device = "CPU"
         return
