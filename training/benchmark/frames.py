@@ -11,7 +11,9 @@ import OpenEXR
 from numpy.typing import NDArray
 
 Image = NDArray[np.float32]
-SHOTS = ("interior", "garden", "glass", "walker")
+# The first four have tables of their own, so that numbers of different days can be compared.
+FIRST_SHOTS = ("interior", "garden", "glass", "walker")
+SHOTS = (*FIRST_SHOTS, "fog", "fur")
 SPP = (4, 32)
 
 

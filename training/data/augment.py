@@ -14,6 +14,11 @@ BRIGHTNESS = 0.5  # deviation of the logarithm of the light of a shot behind ano
 NEAREST, FARTHEST = 0.15, 0.6  # share of a shot's pixels that is put in front of another
 
 
+def remade(shot: Shot, **changes: object) -> Shot:
+    """The shot with changes, which its other takes and its references' halves do not have."""
+    return replace(shot, takes=[], halves={}, **changes)
+
+
 def flipped(images: Tensor, dim: int, components: tuple[int, ...] = ()) -> Tensor:
     """(…, C, H, W) mirrored along rows or columns, with the sign of some components changed."""
     images = torch.flip(images, (dim,))
@@ -34,13 +39,13 @@ def oriented(shot: Shot, flip_x: bool, flip_y: bool, transpose: bool) -> Shot:
             plain = {name: flipped(getattr(shot, name), dim) for name in ("colour", "albedo", "depth")}
             normal, vector = flipped(shot.normal, dim, (axis,)), flipped(shot.vector, dim, (axis, axis + 2))
             references = {k: flipped(x, dim) for k, x in shot.references.items()}
-            shot = replace(shot, **plain, normal=normal, vector=vector, references=references)
+            shot = remade(shot, **plain, normal=normal, vector=vector, references=references)
     if transpose:
         plain = {name: getattr(shot, name).transpose(-1, -2) for name in ("colour", "albedo", "depth")}
         normal = exchanged(shot.normal.transpose(-1, -2), ((1, -1), (0, -1), (2, 1)))
         vector = exchanged(shot.vector.transpose(-1, -2), ((1, -1), (0, -1), (3, -1), (2, -1)))
         references = {k: x.transpose(-1, -2) for k, x in shot.references.items()}
-        shot = replace(shot, **plain, normal=normal, vector=vector, references=references)
+        shot = remade(shot, **plain, normal=normal, vector=vector, references=references)
     return shot
 
 
@@ -52,7 +57,7 @@ def recoloured(shots: Shot, generator: torch.Generator) -> Shot:
     mixed = lambda x: x.gather(-3, order.view(b, *[1] * (x.dim() - 4), 3, 1, 1).expand_as(x))
     tinted = lambda x: mixed(x) * tint.view(b, *[1] * (x.dim() - 4), 3, 1, 1)
     references = {k: tinted(x) for k, x in shots.references.items()}
-    return replace(shots, colour=tinted(shots.colour), albedo=mixed(shots.albedo), references=references)
+    return remade(shots, colour=tinted(shots.colour), albedo=mixed(shots.albedo), references=references)
 
 
 def composed(front: Shot, behind: Shot, generator: torch.Generator) -> Shot:
@@ -76,7 +81,7 @@ def composed(front: Shot, behind: Shot, generator: torch.Generator) -> Shot:
     gain = (light(front) / light(behind) * brightness).view(b, 1, 1, 1, 1)
     moved = torch.where(behind.depth > 0, behind.depth + limit, behind.depth)
     covered = near.float().mean((1, 2, 3, 4))
-    return replace(
+    return remade(
         front,
         colour=torch.where(near, front.colour, behind.colour * gain),
         albedo=torch.where(near, front.albedo, behind.albedo),

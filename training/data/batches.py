@@ -135,7 +135,8 @@ class Batches:
         area = 1.0 if crop else max(1.0, pool.size[0] * pool.size[1] / recipe.crop**2)
         # A frame without neighbours costs a third of one with four.
         count = max(1, round(recipe.outputs * (2 if alone else 1) / len(centres) / area))
-        some = lambda: pool.shots(self.indices(len(pool), count), first, last, crop)
+        take = lambda: torch.randint(pool.takes, (count,), generator=self.generator, device=self.shots.device)
+        some = lambda: pool.shots(self.indices(len(pool), count), take(), first, last, crop)
         shot = some()
         if r.random() < recipe.composed:
             shot = composed(shot, some(), self.generator)

@@ -8,21 +8,24 @@ from dataclasses import dataclass, field
 import torch
 from torch import Tensor
 
-from training.data.shots import Shot
+from training.data.shots import Shot, Take
 
-# How a file holds a pass: its type, and the scale that it is stored at.
+# How a file holds the passes of a take: the type, and the scale that they are stored at.
 STORED = {
     "colour": (torch.float16, 1.0),
     "albedo": (torch.uint8, 255.0),
     "normal": (torch.int8, 127.0),
     "depth": (torch.float16, 1.0),
-    "vector": (torch.float16, 1.0),
 }
 
 
 def packed(image: Tensor, kind: torch.dtype, scale: float) -> Tensor:
     """A pass in the type that its file has: what a file gave loses nothing."""
     return image.to(kind) if kind.is_floating_point else (image * scale).round().to(kind)
+
+
+def takes_of(shot: Shot) -> list[Take]:
+    return shot.takes or [Take(shot.spp, shot.colour, shot.albedo, shot.normal, shot.depth)]
 
 
 @dataclass(frozen=True)
@@ -39,13 +42,15 @@ class Crop:
 
 @dataclass
 class Pool:
-    """N shots of one form: with the same number of frames n, size, and frames that have references.
+    """N shots of one form: with the same number of takes m and frames n, size, and frames that have references.
 
-    passes: name → (N, n, C, H, W) in the type of its file; references (N, R, 3, H, W) of the frames `referenced`; spp (N,).
+    passes: name → (N, m, n, C, H, W) in the type of its file; vector (N, n, 4, H, W); references (N, R, 3, H, W) of the frames
+    `referenced`; spp (N, m).
     """
 
     referenced: tuple[int, ...]
     passes: dict[str, Tensor]
+    vector: Tensor
     references: Tensor
     spp: Tensor
     seeds: list[int]
@@ -54,21 +59,26 @@ class Pool:
         return len(self.seeds)
 
     @property
+    def takes(self) -> int:
+        return self.spp.shape[1]
+
+    @property
     def frames(self) -> int:
-        return self.passes["depth"].shape[1]
+        return self.vector.shape[1]
 
     @property
     def size(self) -> tuple[int, int]:
-        return tuple(self.passes["depth"].shape[-2:])
+        return tuple(self.vector.shape[-2:])
 
-    def shots(self, index: Tensor, first: int, last: int, crop: Crop | None = None) -> Shot:
-        """Frames `first` to `last` of some shots, (B,) on the device, as one batch of shots in single precision."""
+    def shots(self, index: Tensor, take: Tensor, first: int, last: int, crop: Crop | None = None) -> Shot:
+        """Frames `first` to `last` of some shots, (B,) on the device, and of each a take, (B,), as one batch of shots in f32."""
         cut = crop.of if crop else lambda x: x
-        read = lambda name: cut(self.passes[name][:, first : last + 1])[index].float()
+        read = lambda name: cut(self.passes[name][:, :, first : last + 1])[index, take].float()
         passes = {name: read(name) if scale == 1.0 else read(name) / scale for name, (_, scale) in STORED.items()}
         inside = [(at, frame) for at, frame in enumerate(self.referenced) if first <= frame <= last]
         references = {frame - first: cut(self.references[:, at])[index] for at, frame in inside}
-        return Shot(seed=-1, spp=self.spp[index], references=references, **passes)
+        vector = cut(self.vector[:, first : last + 1])[index]
+        return Shot(seed=-1, spp=self.spp[index, take], vector=vector, references=references, **passes)
 
 
 @dataclass
@@ -89,7 +99,7 @@ class Resident:
         """Takes shots into the device's memory."""
         found: dict[tuple[object, ...], list[Shot]] = {}
         for shot in shots:
-            found.setdefault((*shot.depth.shape, *sorted(shot.references)), []).append(shot)
+            found.setdefault((len(takes_of(shot)), *shot.depth.shape, *sorted(shot.references)), []).append(shot)
         for form, alike in found.items():
             more = self.pool_of(alike)
             known = self.pools.get(form)
@@ -97,14 +107,15 @@ class Resident:
 
     def pool_of(self, shots: Sequence[Shot]) -> Pool:
         stacked = lambda images: torch.stack(images).to(self.device)
-        passes = {name: stacked([packed(getattr(s, name), *how) for s in shots]) for name, how in STORED.items()}
+        of_takes = lambda s, name, how: torch.stack([packed(getattr(t, name), *how) for t in takes_of(s)])
+        passes = {name: stacked([of_takes(s, name, how) for s in shots]) for name, how in STORED.items()}
         referenced = tuple(sorted(shots[0].references))
         references = stacked([torch.stack([s.references[k] for k in referenced]) for s in shots])
-        spp = torch.tensor([float(s.spp) for s in shots], device=self.device)
-        return Pool(referenced, passes, references, spp, [s.seed for s in shots])
+        spp = torch.tensor([[float(t.spp) for t in takes_of(s)] for s in shots], device=self.device)
+        return Pool(referenced, passes, stacked([s.vector for s in shots]), references, spp, [s.seed for s in shots])
 
 
 def joined(first: Pool, second: Pool) -> Pool:
+    both = lambda name: torch.cat((getattr(first, name), getattr(second, name)))
     passes = {name: torch.cat((images, second.passes[name])) for name, images in first.passes.items()}
-    references, spp = torch.cat((first.references, second.references)), torch.cat((first.spp, second.spp))
-    return Pool(first.referenced, passes, references, spp, first.seeds + second.seeds)
+    return Pool(first.referenced, passes, both("vector"), both("references"), both("spp"), first.seeds + second.seeds)

@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-import numpy as np
 import torch
 from torch import Tensor
 
+from training.shots.shot_file import load
+
 OFFSETS = (-1, 1, -2, 2)
 FARTHEST = 3
+
+
+@dataclass
+class Take:
+    """A shot's frames with noise of their own: samples a pixel, and what the renderer gave for them, as in `Shot`."""
+
+    spp: int
+    colour: Tensor
+    albedo: Tensor
+    normal: Tensor
+    depth: Tensor
 
 
 @dataclass
@@ -20,7 +31,9 @@ class Shot:
     """The n frames of a shot, 5 or 7; or of a batch of shots, with a leading dimension B in every tensor and spp (B,).
 
     colour, albedo, normal (n, 3, H, W), depth (n, 1, H, W), vector (n, 4, H, W); references: frame → (3, H, W), the middle one and
-    in some shots the one before.
+    in some shots the one before. takes: the same frames with other noise, of which the first is what colour, albedo, normal, depth and
+    spp are; none in shots made by hand. halves: frame → (2, 3, H, W), two independent renders of which the reference is the mean, where
+    there are two.
     """
 
     seed: int
@@ -32,6 +45,8 @@ class Shot:
     vector: Tensor
     references: dict[int, Tensor]
     meta: dict[str, object] = field(default_factory=dict)
+    takes: list[Take] = field(default_factory=list)
+    halves: dict[int, Tensor] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return self.depth.shape[-4]
@@ -48,24 +63,33 @@ class Shot:
         """The offsets of the frame's neighbours that the shot has, at most `reach` away."""
         return [k for k in range(-reach, reach + 1) if k != 0 and 0 <= frame + k < len(self)]
 
+    def of_take(self, number: int) -> Shot:
+        """The shot with the frames of one of its takes, and that take alone."""
+        t = self.takes[number]
+        return replace(self, spp=t.spp, colour=t.colour, albedo=t.albedo, normal=t.normal, depth=t.depth, takes=[t])
+
 
 def read_shot(path: Path) -> Shot:
-    with np.load(path) as z:
-        meta = json.loads(str(z["meta"]))
-        image = lambda name: torch.from_numpy(np.moveaxis(z[name].astype(np.float32), -1, -3).copy())
-        middle = len(z["depth"]) // 2
-        references = {middle: image("ref")} | ({middle - 1: image("ref_before")} if "ref_before" in z else {})
-        return Shot(
-            seed=meta["seed"],
-            spp=meta["spp"],
-            colour=image("color"),
-            albedo=image("albedo") / 255.0,
-            normal=image("normal") / 127.0,
-            depth=torch.from_numpy(z["depth"].astype(np.float32))[:, None],
-            vector=image("vector"),
-            references=references,
-            meta=meta,
-        )
+    """Reads a shot of any format (`training/shots/shot_file.py`)."""
+    stored = load(path)
+    tensor = lambda a: torch.from_numpy(a.copy())
+    takes = [Take(t.spp, tensor(t.color), tensor(t.albedo), tensor(t.normal), tensor(t.depth)[:, None]) for t in stored.takes]
+    middle = len(stored.vector) // 2
+    halves = {middle - k: tensor(parts) for k, parts in enumerate(stored.halves)}
+    t = takes[0]
+    return Shot(
+        seed=stored.meta["seed"],
+        spp=t.spp,
+        colour=t.colour,
+        albedo=t.albedo,
+        normal=t.normal,
+        depth=t.depth,
+        vector=tensor(stored.vector),
+        references={frame: parts.mean(0) for frame, parts in halves.items()},
+        meta=stored.meta,
+        takes=takes,
+        halves={frame: parts for frame, parts in halves.items() if len(parts) == 2},
+    )
 
 
 def is_held(path: Path) -> bool:

@@ -68,7 +68,7 @@ def scores(net: Hush, shots: Sample, windows: Sequence[tuple[int, tuple[int, ...
     for pool, index in shots:
         for part in chunks(pool, index):
             whole = torch.cat((part, part[-1:].expand(len(chunks(pool, index)[0]) - len(part))))
-            shot = pool.shots(whole, 0, pool.frames - 1)
+            shot = pool.shots(whole, torch.zeros_like(whole), 0, pool.frames - 1)
             centre = pool.frames // 2
             paired = centre - 1 in pool.referenced
             for window, offsets in windows:
