@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import random
-
 import numpy as np
-import pytest
 import torch
 from torch import Tensor
 
 from training.benchmark import ablate
 from training.benchmark.unbiased import relmse
 from training.data.inputs import frames, prepare, view
-from training.data.shots import OFFSETS, Shot, oriented
-from training.network import fused
+from training.data.shots import OFFSETS, Shot
 from training.network.loss import flicker
-from training.network.model import Architecture, Hush, kernel_average
-from training.network.train import batch_of, collate, example, objective
+from training.network.model import Architecture, Hush
 
 torch.set_num_threads(1)
 ROWS, COLUMNS = 24, 40
@@ -32,23 +27,6 @@ def moving_shot(count: int = 7, references: tuple[int, ...] = (3, 2)) -> Shot:
     vector = torch.nn.functional.interpolate(noise(count, 4, 3, 4, seed=5) * 12 - 6, size=(ROWS, COLUMNS), mode="bilinear")
     targets = {k: noise(3, ROWS, COLUMNS, seed=20 + k) for k in references}
     return Shot(1, 4, n(3, 1) * 3, n(3, 2), n(3, 3) * 2 - 1, n(1, 4) * 9 - 1, vector, targets)
-
-
-@pytest.mark.parametrize(
-    "turn", [(True, False, False), (False, True, False), (True, True, False), (False, False, True), (True, False, True)]
-)
-def test_turned_paths_are_the_paths_of_the_turned_vectors(turn: tuple[bool, bool, bool]) -> None:
-    shot = moving_shot()
-    for offset in (-2, -1, 1, 3):
-        shot.path(3, offset)
-    turned = oriented(shot, *turn)
-    fresh = Shot(1, 4, turned.colour, turned.albedo, turned.normal, turned.depth, turned.vector, turned.references)
-    for key, (position, trust, miss) in turned.paths.items():
-        again = fresh.path(*key)
-        near = (position - again[0]).abs().amax(0) < 1e-3
-        assert near.float().mean() > 0.99, "only rounding may choose another pixel"
-        assert (trust == again[1])[near].float().mean() > 0.99
-        assert (miss - again[2]).abs()[near].median() < 1e-3
 
 
 def test_a_view_of_the_middle_is_what_prepare_gives() -> None:
@@ -83,7 +61,7 @@ def test_the_noise_of_two_references_averages_out_of_the_error() -> None:
 def test_what_is_left_out_has_no_effect() -> None:
     torch.manual_seed(1)
     net = Hush(Architecture(features=8, half=8, quarter=8, eighth=8))
-    batch = collate([prepare(moving_shot())])
+    batch = {k: v[None] for k, v in prepare(moving_shot()).items()}
     other = batch | {"colour": torch.cat((batch["colour"][:, :1], 1 - batch["colour"][:, 1:]), 1)}
     assert (net(batch, torch.ones(1))["image"] - net(other, torch.ones(1))["image"]).abs().max() > 1e-3
     ablate.neighbour_taps(net)
@@ -99,30 +77,3 @@ def test_flicker_is_nothing_where_the_error_moves_along() -> None:
     assert flicker(reference + error, reference, error, followed).max() < 1e-6
     assert flicker(reference + error, reference, -error, followed).mean() > 0.1
     assert flicker(reference + error, reference, -error, 0 * followed).max() == 0
-
-
-@pytest.mark.parametrize("references", [(3, 2), (3,)])
-def test_an_example_alone_is_its_viewed_frames(references: tuple[int, ...]) -> None:
-    shot = moving_shot(references=references)
-    inputs, views, lam = example(random.Random(1), shot, alone=True)
-    assert len(inputs) == len(views) == len(references)
-    assert all(len(view["colour"]) == 1 and not len(view["extras"]) for view in views)
-    batch = inputs[None], [collate([view]) for view in views], lam[None]
-    assert torch.isfinite(objective(Hush(Architecture(features=8, half=8, quarter=8, eighth=8)), *batch, 0.25))
-
-
-@pytest.mark.parametrize("references", [(3, 2), (3,)])
-def test_training_lowers_the_loss(references: tuple[int, ...]) -> None:
-    torch.manual_seed(1)
-    net = Hush(Architecture(features=8, half=8, quarter=8, eighth=8))
-    net.average = fused.average
-    optimiser = torch.optim.Adam(net.parameters(), 3e-3)
-    batch = batch_of(random.Random(1), [moving_shot(references=references)], 1)
-    losses = []
-    for _ in range(12):
-        loss = objective(net, *batch, 0.25)
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-        losses.append(float(loss.detach()))
-    assert losses[-1] < 0.97 * losses[0]

@@ -3,7 +3,7 @@
     python -m training.benchmark.validate_oidn --shots runs/shots > runs/oidn.json
 
 Two rows a shot: `oidn_high` takes colour, albedo and normal as rendered; `oidn_clean_aux` first filters the albedo and the
-normal, each by itself, and says so with cleanAux. Scores are computed as `training.network.train.validate` does. A markdown table goes to
+normal, each by itself, and says so with cleanAux. Scores are computed as `training.network.measure` does. A markdown table goes to
 stderr, the numbers of every shot go to stdout as JSON. Needs pyoidn.
 """
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import torch
@@ -122,6 +122,13 @@ class Batches:
         alone = r.random() < recipe.alone
         paired = r.random() < recipe.paired and any(len(p.referenced) > 1 for p in self.shots.pools.values())
         return self.draw_of(self.pool(paired), alone, paired)
+
+    def each_kind(self) -> Iterator[Batch]:
+        """A batch of every form that `draw` gives but those of farther neighbours, which are as large."""
+        for pool in self.shots.pools.values():
+            for paired in (False, True) if len(pool.referenced) > 1 else (False,):
+                for alone in (False, True):
+                    yield self.draw_of(pool, alone, paired)
 
     def draw_of(self, pool: Pool, alone: bool, paired: bool) -> Batch:
         """A batch of one kind from one pool."""

@@ -9,13 +9,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import torch
-from torch import Tensor
 
 from training.data.resident import Resident
 from training.data.shots import is_held, read_shot, shot_paths
 from training.network.clock import Clock
 from training.network.measure import Scores, sample, scores
-from training.network.model import Architecture, Hush
+from training.network.model import Hush
 from training.network.muon import Both
 
 
@@ -32,7 +31,7 @@ class Run:
     shots: Resident
     held: Resident
     step: int = 0
-    known: set[Path] = field(default_factory=set)
+    known: set[str] = field(default_factory=set)
 
     @staticmethod
     def averaged(net: Hush) -> Hush:
@@ -41,10 +40,10 @@ class Run:
 
     def find_shots(self) -> None:
         """Reads the shots that came since the last time."""
-        new = [path for path in shot_paths(self.sources) if path not in self.known]
+        new = {path.stem: path for path in shot_paths(self.sources) if path.stem not in self.known}
         for into, held in ((self.shots, False), (self.held, True)):
-            into.add(read_shot(path) for path in new if is_held(path) == held)
-        self.known.update(new)
+            into.add(read_shot(path) for path in new.values() if is_held(path) == held)
+        self.known |= new.keys()
 
     def resume(self, state: dict[str, object]) -> None:
         """Goes on where a checkpoint was written."""
@@ -92,18 +91,10 @@ def checkpoint(folder: Path) -> dict[str, object] | None:
     return torch.load(path, weights_only=True, map_location="cpu") if path.exists() else None
 
 
-def architecture_of(state: dict[str, object]) -> Architecture:
-    return Architecture(**state["architecture"])
-
-
-def parameters_with_gradients(net: Hush) -> list[Tensor]:
-    return [p for p in net.parameters() if p.grad is not None]
-
-
 @torch.no_grad()
 def bound_gradients(net: Hush) -> None:
     """Scales all gradients to a norm of at most 1; to 0 where it is not finite. Never waits for the device."""
-    parameters = parameters_with_gradients(net)
+    parameters = [p for p in net.parameters() if p.grad is not None]
     norm = torch.nn.utils.get_total_norm([p.grad for p in parameters])
     finite = norm.isfinite()
     share = (1.0 / norm.clamp_min(1e-6)).clamp(max=1.0)
