@@ -18,6 +18,7 @@ from training.data.geometry import BRIGHTEST, EXTRAS, warped
 LOGIT_LIMIT = 40.0
 LAMBDA_MAX = 64.0
 QUERIES = 2
+UNSEEN = -3.0  # logit at which new taps begin: hardly any weight beside trained ones
 
 
 @dataclass(frozen=True)
@@ -40,11 +41,13 @@ class Architecture:
     neighbour_taps: int = 3
     coarse_taps: int = 3
     albedo_taps: int = 3
+    albedo_levels: int = 1
     levels: int = 4
     albedo_epsilon: float = 0.05
 
     def header(self) -> dict[str, int | float]:
-        return asdict(self)
+        """What the weights file says; what is as in older files is left out."""
+        return {k: v for k, v in asdict(self).items() if (k, v) != ("albedo_levels", 1)}
 
 
 class Residual(nn.Module):
@@ -80,7 +83,10 @@ class Encoder(nn.Module):
 
 
 class Specialisation(nn.Module):
-    """Loss specialisation: λ scales and shifts the features that feed the kernel predictors."""
+    """Loss specialisation: λ scales and shifts the features that feed the kernel predictors.
+
+    λ is one number for each example, (B,), or a map at full resolution, (B, 1, H, W), of which log2 is averaged over a feature's pixels.
+    """
 
     def __init__(self, channels: int, hidden: int) -> None:
         super().__init__()
@@ -92,9 +98,11 @@ class Specialisation(nn.Module):
             nn.init.zeros_(layer.bias)
 
     def forward(self, x: Tensor, lam: Tensor) -> Tensor:
-        code = torch.log2(lam)[:, None] / 6.0
-        h = F.relu(self.hidden(code))
-        return x * (1.0 + self.scale(h))[:, :, None, None] + self.shift(h)[:, :, None, None]
+        code = torch.log2(lam.view(-1, 1, 1, 1) if lam.dim() == 1 else lam) / 6.0
+        if code.shape[-1] > 1:
+            code = F.avg_pool2d(code, code.shape[-1] // x.shape[-1])
+        h = F.relu(self.hidden(code.movedim(1, -1)))
+        return x * (1.0 + self.scale(h)).movedim(-1, 1) + self.shift(h).movedim(-1, 1)
 
 
 def pixel_taps(image: Tensor, size: int) -> Tensor:
@@ -159,12 +167,17 @@ def down(image: Tensor, valid: Tensor) -> tuple[Tensor, Tensor]:
     return mean, (weight > 0).to(image.dtype)
 
 
-def queries(channels: int, count: int) -> nn.Conv2d:
-    """Predicts `count` pairs of queries, 0 at the start of training."""
-    layer = nn.Conv2d(channels, QUERIES * count, 1)
+def silent(channels: int, outputs: int) -> nn.Conv2d:
+    """A 1×1 layer that predicts 0 at the start of training."""
+    layer = nn.Conv2d(channels, outputs, 1)
     nn.init.zeros_(layer.weight)
     nn.init.zeros_(layer.bias)
     return layer
+
+
+def queries(channels: int, count: int) -> nn.Conv2d:
+    """Predicts `count` pairs of queries, 0 at the start of training."""
+    return silent(channels, QUERIES * count)
 
 
 class Hush(nn.Module):
@@ -210,6 +223,15 @@ class Hush(nn.Module):
             self.pair_eighth_head = nn.Conv2d(a.pair, neighbour, 1)
             self.query_eighth = queries(a.eighth, 1)
             self.pair_eighth_query = queries(a.pair, 1)
+        albedo = a.albedo_taps**2
+        if a.albedo_levels > 1:
+            below = coarse if a.albedo_levels > 2 else 0
+            self.head_albedo_half = silent(a.half, 4 * coarse + albedo + below)
+            self.pair_albedo_half_head = silent(a.pair, 1)
+            nn.init.constant_(self.head_albedo_half.bias[: 4 * coarse], UNSEEN)
+        if a.albedo_levels > 2:
+            self.head_albedo_quarter = silent(a.quarter, albedo)
+            self.pair_albedo_quarter_head = silent(a.pair, 1)
 
     def trunk(self, centre: Tensor, pairs: list[Tensor], lam: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Temporal extractor, U-shaped body and loss specialisation: features at half, quarter and eighth resolution.
@@ -263,10 +285,11 @@ class Hush(nn.Module):
         half_logits = head[:, 4 * per_pixel :].split((n_centre, n_coarse), 1)
         query = self.query_half(half)
         full_queries, half_queries = [subpixels(query[:, : 4 * QUERIES])], [query[:, 4 * QUERIES :]]
-        near_full, near_half, near_albedo = [], [], []
+        near_full, near_half, near_albedo, half_hidden = [], [], [], []
         half_base = self.pair_half_centre(half)
         for pair in pairs:
             hidden = F.relu(half_base + self.pair_half_neighbour(pair))
+            half_hidden.append(hidden)
             h, query = self.pair_half_head(hidden), self.pair_half_query(hidden)
             near = subpixels(h[:, : 4 * (n_near + 1)])
             near_full.append(near[:, :n_near])
@@ -277,9 +300,9 @@ class Hush(nn.Module):
         pairs = [F.avg_pool2d(pair, 2) for pair in pairs]
         quarter_logits = self.head_quarter(quarter).split((n_centre, self.head_quarter.out_channels - n_centre), 1)
         quarter_base = self.pair_quarter_centre(quarter)
-        hidden = [F.relu(quarter_base + self.pair_quarter_neighbour(pair)) for pair in pairs]
-        near_quarter = [self.pair_quarter_head(x) for x in hidden]
-        quarter_queries = [self.query_quarter(quarter), *(self.pair_quarter_query(x) for x in hidden)]
+        quarter_hidden = [F.relu(quarter_base + self.pair_quarter_neighbour(pair)) for pair in pairs]
+        near_quarter = [self.pair_quarter_head(x) for x in quarter_hidden]
+        quarter_queries = [self.query_quarter(quarter), *(self.pair_quarter_query(x) for x in quarter_hidden)]
 
         images = [(batch["colour"].float(), batch["valid"].float())]
         for _ in range(a.levels - 1):
@@ -307,9 +330,29 @@ class Hush(nn.Module):
         out_quarter = level(2, [quarter_logits[0], *near_quarter, quarter_logits[1]], quarter_queries, out_eighth)
         out_half = level(1, [half_logits[0], *near_half, half_logits[1]], half_queries, out_quarter)
         out, _ = level(0, [full[0], *near_full, full[1]], full_queries, out_half)
-        albedo, norm = self.average(
-            torch.cat((full[2], *near_albedo), 1), batch["albedo"].float(), images[0][1], (a.albedo_taps, *[1] * (t - 1))
-        )
+
+        albedos = [(batch["albedo"].float(), images[0][1])]
+        for k in range(1, a.albedo_levels):
+            image, _ = down(albedos[-1][0].flatten(0, 1), images[k - 1][1].flatten(0, 1))
+            albedos.append((image.unflatten(0, (-1, t)), images[k][1]))
+        albedo_sizes = (a.albedo_taps, *[1] * (t - 1))
+
+        def albedo_level(k: int, parts: list[Tensor], coarse: tuple[Tensor, Tensor] | None) -> tuple[Tensor, Tensor]:
+            """One level of the albedo, as `level`, without keys."""
+            found, norm = self.average(torch.cat(parts, 1), *albedos[k], albedo_sizes, coarse, a.coarse_taps if coarse else 0)
+            return found, (norm > 0).float()
+
+        albedo_coarse, albedo_full = None, [full[2], *near_albedo]
+        if a.albedo_levels > 2:
+            near = [self.pair_albedo_quarter_head(x) for x in quarter_hidden]
+            albedo_coarse = albedo_level(2, [self.head_albedo_quarter(quarter), *near], None)
+        if a.albedo_levels > 1:
+            logits = self.head_albedo_half(half)
+            own, below = logits[:, 4 * n_coarse :].split((n_albedo, logits.shape[1] - 4 * n_coarse - n_albedo), 1)
+            near = [self.pair_albedo_half_head(x) for x in half_hidden]
+            albedo_coarse = albedo_level(1, [own, *near, below], albedo_coarse)
+            albedo_full.append(subpixels(logits[:, : 4 * n_coarse]))
+        albedo, norm = albedo_level(0, albedo_full, albedo_coarse)
         albedo = torch.where(norm > 0, albedo, batch["albedo"][:, 0].float())
         return {"image": out * albedo, "colour": out, "half": out_half[0], "quarter": out_quarter[0], "albedo": albedo} | (
             {"eighth": out_eighth[0]} if out_eighth else {}
