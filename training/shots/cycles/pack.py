@@ -14,6 +14,7 @@ in every process there.
 from __future__ import annotations
 
 import argparse
+import gzip
 import hashlib
 import importlib.util
 import io
@@ -174,7 +175,12 @@ def main() -> None:
     for old in chosen.output.glob("pack.*"):
         old.unlink()
     pieces = Chunks(chosen.output, chosen.chunk * 1_000_000)
-    with tempfile.TemporaryDirectory() as scratch, pieces, tarfile.open(fileobj=pieces, mode="w|gz") as pack:
+    with (
+        tempfile.TemporaryDirectory() as scratch,
+        pieces,
+        gzip.GzipFile(fileobj=pieces, mode="wb", compresslevel=6) as squeezed,
+        tarfile.open(fileobj=squeezed, mode="w|") as pack,
+    ):
         for path, name in contents(bpy, chosen.assets):
             pack.add(path.resolve(), name, recursive=False)
         if chosen.ptxas:
