@@ -270,7 +270,7 @@ def bokeh(shot: Built) -> None:
     lens.use_dof = True
     lens.focus_distance = (min(near) if r.random() < 0.7 else r.choice(near)) if near else shot.size
     # As wide as a share of the scene's size, whatever the lens.
-    lens.aperture_fstop = eye.data.lens / 1000 / (shot.size * math.exp(r.uniform(-4.6, -2.8)))
+    lens.aperture_fstop = eye.data.lens / 1000 / (shot.size * math.exp(r.uniform(-4.2, -2.3)))
     lens.aperture_blades = r.choice([0, 0, 5, 6, 8])
     lens.aperture_ratio = r.choice([1, 1, 1, 1.6])
     bulbs(shot, r.randint(5, 20), (2.5, 6), (0.5, 2.2))
@@ -289,7 +289,7 @@ def motion_blur(shot: Built) -> None:
     layer = scene.view_layers.new(VECTOR_LAYER)
     layer.use_motion_blur, layer.samples, layer.use_pass_vector = False, 1, True
     for thing in r.sample(shot.things, min(len(shot.things), 3)):
-        animate(thing, [r.gauss(0, 1) * shot.step * 6 for _ in range(3)], [r.gauss(0, 0.15) for _ in range(3)])
+        animate(thing, [r.gauss(0, 1) * shot.step * 9 for _ in range(3)], [r.gauss(0, 0.15) for _ in range(3)])
 
 
 def textured(shot: Built) -> None:

@@ -8,7 +8,7 @@ Run it with the interpreter that has bpy. It writes pack.000, pack.001 … of at
 
 FOLDER/benchmark does the same for the benchmark's shots. What only interfaces, AMD's and Intel's GPUs and Cycles' own denoising want is
 left out. --ptxas translates Cycles' CUDA kernel for a GPU architecture that the package has none for, which takes minutes here instead of
-in every process there.
+in every process there; the kernel stays beside the pieces for the next pack, and need not travel with them.
 """
 
 from __future__ import annotations
@@ -116,18 +116,17 @@ def libraries(binaries: list[Path]) -> dict[str, Path]:
     return found
 
 
-def cubin(kernels: Path, architecture: int, ptxas: Path, scratch: Path) -> Path:
-    """Cycles' CUDA kernel for an architecture, from the intermediate one of the package, compressed as Cycles reads it."""
+def cubin(kernels: Path, architecture: int, ptxas: Path, target: Path) -> None:
+    """Writes Cycles' CUDA kernel for an architecture, from the intermediate one of the package, compressed as Cycles reads it."""
     import zstandard
 
     source = max(kernels.glob("kernel_compute_*.ptx.zst"))
-    ptx, made = scratch / "kernel.ptx", scratch / "kernel.cubin"
-    with source.open("rb") as packed, ptx.open("wb") as plain:
-        zstandard.ZstdDecompressor().copy_stream(packed, plain)
-    subprocess.run([str(ptxas), f"-arch=sm_{architecture}", "-o", str(made), str(ptx)], check=True)
-    target = scratch / f"kernel_sm_{architecture}.cubin.zst"
-    target.write_bytes(zstandard.ZstdCompressor(10).compress(made.read_bytes()))
-    return target
+    with tempfile.TemporaryDirectory() as scratch:
+        ptx, made = Path(scratch) / "kernel.ptx", Path(scratch) / "kernel.cubin"
+        with source.open("rb") as packed, ptx.open("wb") as plain:
+            zstandard.ZstdDecompressor().copy_stream(packed, plain)
+        subprocess.run([str(ptxas), f"-arch=sm_{architecture}", "-o", str(made), str(ptx)], check=True)
+        target.write_bytes(zstandard.ZstdCompressor(10).compress(made.read_bytes()))
 
 
 def contents(bpy: Path, assets: Path | None) -> Iterator[tuple[Path, str]]:
@@ -175,8 +174,11 @@ def main() -> None:
     for old in chosen.output.glob("pack.*"):
         old.unlink()
     pieces = Chunks(chosen.output, chosen.chunk * 1_000_000)
+    kernels = next(bpy.glob("*/scripts/addons_core/cycles/lib"))
+    kernel = chosen.output / f"kernel-{kernels.relative_to(bpy).parts[0]}-sm_{chosen.architecture}.cubin.zst"
+    if chosen.ptxas and not kernel.exists():
+        cubin(kernels, chosen.architecture, chosen.ptxas, kernel)
     with (
-        tempfile.TemporaryDirectory() as scratch,
         pieces,
         gzip.GzipFile(fileobj=pieces, mode="wb", compresslevel=6) as squeezed,
         tarfile.open(fileobj=squeezed, mode="w|") as pack,
@@ -184,9 +186,7 @@ def main() -> None:
         for path, name in contents(bpy, chosen.assets):
             pack.add(path.resolve(), name, recursive=False)
         if chosen.ptxas:
-            kernels = next(bpy.glob("*/scripts/addons_core/cycles/lib"))
-            made = cubin(kernels, chosen.architecture, chosen.ptxas, Path(scratch))
-            pack.add(made, f"packages/{kernels.relative_to(bpy.parent)}/{made.name}")
+            pack.add(kernel, f"packages/{kernels.relative_to(bpy.parent)}/kernel_sm_{chosen.architecture}.cubin.zst")
         for name, module in (("render", "training.shots.cycles.render"), ("benchmark", "training.benchmark.render")):
             about, text = script(START.replace("MODULE", module))
             about.name = name
