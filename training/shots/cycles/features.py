@@ -37,7 +37,8 @@ VECTOR_LAYER = "Hush Vectors"
 
 @dataclass
 class Built:
-    """A shot so far: its generator, kind, size in units, travel that makes a pixel a frame, things and lamps."""
+    """A shot so far: its generator, kind, size in units, things and lamps; how far from the camera its target is, and the travel there
+    that makes a pixel a frame."""
 
     r: random.Random
     scene: bpy.types.Scene
@@ -46,7 +47,17 @@ class Built:
     assets: Assets
     things: list[bpy.types.Object]
     lights: list[bpy.types.Object]
-    step: float = 0.0
+    distance: float
+    step: float
+
+    def place(self, low: float, high: float) -> Vector:
+        """Somewhere in the picture, between these shares of the target's distance, not below the ground."""
+        eye = self.scene.camera
+        reach = 0.75 * 18 / eye.data.lens
+        way = Vector((self.r.uniform(-reach, reach), self.r.uniform(-reach, reach), -1)) * self.distance * self.r.uniform(low, high)
+        where = eye.location + eye.rotation_quaternion @ way
+        where.z = max(where.z, 0.02 * self.size)
+        return where
 
 
 def drawn(r: random.Random) -> list[str]:
@@ -67,9 +78,9 @@ def mirrors(shot: Built) -> None:
     r, size = shot.r, shot.size
     for _ in range(r.randint(1, 3)):
         sort = r.choice(["pane", "pane", "box", "ball"])
-        angle, radius = r.uniform(0, 6.28), size * r.uniform(0.1, 0.7)
-        tall = size * r.uniform(0.2, 0.5)
-        where = (math.cos(angle) * radius, math.sin(angle) * radius, tall * 0.9)
+        tall = size * r.uniform(0.15, 0.4)
+        where = shot.place(0.9, 1.5)
+        where.z = max(where.z, tall * 0.7)
         if sort == "ball":
             bpy.ops.mesh.primitive_uv_sphere_add(segments=48, ring_count=24, radius=tall * 0.6, location=where)
             bpy.ops.object.shade_smooth()
@@ -77,7 +88,8 @@ def mirrors(shot: Built) -> None:
             bpy.ops.mesh.primitive_cube_add(size=2, location=where)
             bpy.context.object.scale = (tall * r.uniform(0.5, 1), tall * (0.03 if sort == "pane" else r.uniform(0.3, 0.8)), tall)
         mirror = bpy.context.object
-        mirror.rotation_euler = (r.gauss(0, 0.08), r.gauss(0, 0.05), r.uniform(0, 6.28))
+        facing = (shot.scene.camera.location - where).to_track_quat("-Y", "Z").to_euler().z
+        mirror.rotation_euler = (r.gauss(0, 0.08), r.gauss(0, 0.05), facing + r.gauss(0, 0.5))
         silver = bpy.data.materials.new("mirror")
         silver.use_nodes = True
         inputs = silver.node_tree.nodes["Principled BSDF"].inputs
@@ -187,8 +199,7 @@ def leaves(shot: Built) -> None:
         mesh.uv_layers.new(name="UVMap").data.foreach_set("uv", [0, 0, 1, 0, 1, 1, 0, 1] * len(faces))
         mesh.materials.append(leaf_material(r))
         bush = bpy.data.objects.new("bush", mesh)
-        angle, radius = r.uniform(0, 6.28), shot.size * 0.6 * math.sqrt(r.random())
-        bush.location = (math.cos(angle) * radius, math.sin(angle) * radius, reach[2] * 1.2)
+        bush.location = shot.place(0.6, 1.3)
         shot.scene.collection.objects.link(bush)
         if r.random() < 0.6:
             animate(bush, [0, 0, 0], [r.gauss(0, 0.01) for _ in range(3)])
@@ -204,13 +215,12 @@ def glowing(r: random.Random, strength: float) -> bpy.types.Material:
     return made
 
 
-def bulbs(shot: Built, count: int, strength: tuple[float, float], reach: float) -> None:
-    """Small glowing balls in the air; strength as its logarithm's range."""
+def bulbs(shot: Built, count: int, strength: tuple[float, float], depth: tuple[float, float]) -> None:
+    """Small glowing balls in the picture; strength as its logarithm's range, depth in shares of the target's distance."""
     r = shot.r
     for _ in range(count):
-        where = [r.gauss(0, reach) for _ in range(2)]
-        radius = shot.size * math.exp(r.uniform(-5.0, -3.5))
-        bpy.ops.mesh.primitive_uv_sphere_add(segments=16, ring_count=8, radius=radius, location=(*where, shot.size * r.uniform(0.1, 0.9)))
+        radius = shot.distance * math.exp(r.uniform(-5.5, -4.2))
+        bpy.ops.mesh.primitive_uv_sphere_add(segments=16, ring_count=8, radius=radius, location=shot.place(*depth))
         bpy.context.object.data.materials.append(glowing(r, math.exp(r.uniform(*strength))))
 
 
@@ -218,7 +228,6 @@ def signs(shot: Built) -> None:
     """Glowing letters, neon tubes and small bright lamps; a third of them flicker."""
     r = shot.r
     for _ in range(r.randint(1, 3)):
-        angle = r.uniform(0, 6.28)
         if r.random() < 0.6:
             lettering(r)
             sign = bpy.context.object
@@ -232,16 +241,17 @@ def signs(shot: Built) -> None:
                 point.handle_left_type = point.handle_right_type = "AUTO"
             sign = bpy.data.objects.new("tube", curve)
             shot.scene.collection.objects.link(sign)
-        sign.scale = [shot.size * r.uniform(0.12, 0.3)] * 3
-        sign.location = (math.cos(angle) * shot.size * 0.6, math.sin(angle) * shot.size * 0.6, shot.size * r.uniform(0.25, 0.7))
-        sign.rotation_euler = (math.pi / 2 if sign.type == "FONT" else 0, 0, angle + math.pi / 2 + r.gauss(0, 0.5))
+        sign.scale = [shot.distance * r.uniform(0.06, 0.16)] * 3
+        sign.location = shot.place(0.6, 1.2)
+        facing = (shot.scene.camera.location - sign.location).to_track_quat("-Y", "Z").to_euler().z
+        sign.rotation_euler = (math.pi / 2 if sign.type == "FONT" else 0, 0, facing + r.gauss(0, 0.5))
         glow = glowing(r, math.exp(r.uniform(0.5, 3.5)))
         sign.data.materials.append(glow)
         if r.random() < 0.33:
             strength = glow.node_tree.nodes["Principled BSDF"].inputs["Emission Strength"]
             full = strength.default_value
             keyed(strength, "default_value", lambda _, full=full: full * r.uniform(0.3, 1))
-    bulbs(shot, r.randint(2, 9), (3, 7), shot.size * 0.5)
+    bulbs(shot, r.randint(2, 9), (3, 6.5), (0.5, 1.3))
 
 
 def flickering(shot: Built) -> None:
@@ -260,10 +270,10 @@ def bokeh(shot: Built) -> None:
     lens.use_dof = True
     lens.focus_distance = (min(near) if r.random() < 0.7 else r.choice(near)) if near else shot.size
     # As wide as a share of the scene's size, whatever the lens.
-    lens.aperture_fstop = eye.data.lens / 1000 / (shot.size * math.exp(r.uniform(-4.6, -2.8)))
+    lens.aperture_fstop = eye.data.lens / 1000 / (shot.size * math.exp(r.uniform(-4.2, -2.3)))
     lens.aperture_blades = r.choice([0, 0, 5, 6, 8])
     lens.aperture_ratio = r.choice([1, 1, 1, 1.6])
-    bulbs(shot, r.randint(5, 25), (2.5, 6.5), shot.size * 1.1)
+    bulbs(shot, r.randint(5, 20), (2.5, 6), (0.5, 2.2))
 
 
 def film(shot: Built) -> None:
@@ -279,13 +289,13 @@ def motion_blur(shot: Built) -> None:
     layer = scene.view_layers.new(VECTOR_LAYER)
     layer.use_motion_blur, layer.samples, layer.use_pass_vector = False, 1, True
     for thing in r.sample(shot.things, min(len(shot.things), 3)):
-        animate(thing, [r.gauss(0, 1) * shot.step * 6 for _ in range(3)], [r.gauss(0, 0.15) for _ in range(3)])
+        animate(thing, [r.gauss(0, 1) * shot.step * 9 for _ in range(3)], [r.gauss(0, 0.15) for _ in range(3)])
 
 
 def textured(shot: Built) -> None:
     """Gives a mirror something to show that goes by: one more thing, textured and moving."""
     r = shot.r
-    bpy.ops.mesh.primitive_cube_add(size=1.2, location=(r.gauss(0, 0.4) * shot.size, r.gauss(0, 0.4) * shot.size, 0.35 * shot.size))
+    bpy.ops.mesh.primitive_cube_add(size=1.2, location=shot.place(0.5, 0.9))
     passer = bpy.context.object
     passer.scale = [shot.size * r.uniform(0.15, 0.35)] * 3
     passer.data.materials.append(material(r, 3.0, shot.assets, emits=False))
@@ -294,9 +304,9 @@ def textured(shot: Built) -> None:
 
 FEATURES: dict[str, tuple[Callable[[Built], object], ...]] = {
     "hair": (lambda shot: hair.add(shot.r, shot.things, shot.kind, shot.size),),
-    "volume": (lambda shot: volumes.add(shot.r, shot.things, shot.size),),
+    "volume": (lambda shot: volumes.add(shot.r, shot.things, shot.size, shot.place),),
     "water": (lambda shot: water.waves(shot.r, shot.size),),
-    "glass": (lambda shot: shot.things.extend(water.thick_glass(shot.r, shot.things, shot.size)),),
+    "glass": (lambda shot: shot.things.extend(water.thick_glass(shot.r, shot.things, shot.distance, shot.place)),),
     "mirrors": (mirrors, textured),
     "skin": (skin,),
     "leaves": (leaves,),

@@ -64,11 +64,11 @@ def strand_material(r: random.Random) -> bpy.types.Material:
             shader.parametrization = "MELANIN"
             shader.inputs["Melanin"].default_value = r.uniform(0.05, 0.95)
             shader.inputs["Melanin Redness"].default_value = r.random()
+            shader.inputs["Random Color"].default_value = r.uniform(0, 0.6)
         else:
             shader.parametrization = "COLOR"
             shader.inputs["Color"].default_value = colour(r, 0.2, 0.9)
         shader.inputs["Roughness"].default_value = r.uniform(0.15, 0.5)
-        shader.inputs["Random Color"].default_value = r.uniform(0, 0.6)
         tree.links.new(shader.outputs[0], output)
         return made
     shader = tree.nodes["Principled BSDF"]

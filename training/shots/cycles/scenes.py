@@ -134,7 +134,7 @@ def build(seed: int, assets: Assets, pixels: int = 128) -> tuple[random.Random, 
     size, background = environment(r, scene, kind, assets)
     if kind == "room":
         room(r, size, assets)
-    elif "film" not in wanted or r.random() < 0.4:
+    elif "film" not in wanted or r.random() < 0.2:
         ground(r, kind, size, assets)
     made = things(r, kind, size, assets)
     lights = lamps(r, scene, kind, size, background)
@@ -146,9 +146,10 @@ def build(seed: int, assets: Assets, pixels: int = 128) -> tuple[random.Random, 
         eye.location = [max(-limit, min(limit, c)) for c in eye.location]
         eye.location.z = max(0.1 * size, min(size * 1.1, eye.location.z))
         eye.rotation_quaternion = (target - eye.location).to_track_quat("-Z", "Y")
-    step = (target - eye.location).length * 36 / eye.data.lens / pixels
+    distance = (target - eye.location).length
+    step = distance * 36 / eye.data.lens / pixels
     settings(r, scene)
-    features.add(features.Built(r, scene, kind, size, assets, made, lights, step), wanted)
+    features.add(features.Built(r, scene, kind, size, assets, made, lights, distance, step), wanted)
     motion = move_camera(r, eye, way, step)
     if r.random() < 0.65 or motion == "static":
         for thing in r.sample(made, min(len(made), r.randint(1, 5))):

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import random
+from collections.abc import Callable
 
 import bpy
+from mathutils import Vector
 
 from training.shots.cycles.materials import colour
 from training.shots.cycles.motion import keyed
@@ -40,12 +42,12 @@ def haze(r: random.Random, size: float) -> None:
         filled(size, math.exp(r.uniform(-4, -2)), 0.0)
 
 
-def smoke(r: random.Random, size: float) -> None:
+def smoke(r: random.Random, size: float, where: Vector) -> None:
     """A ball of noise that drifts and swells with time; one in four glows."""
     bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=3, radius=1)
     cloud = bpy.context.object
-    cloud.scale = [size * r.uniform(0.25, 0.7) for _ in range(3)]
-    cloud.location = (r.gauss(0, size * 0.3), r.gauss(0, size * 0.3), size * r.uniform(0.2, 0.6))
+    cloud.scale = [size * r.uniform(0.2, 0.5) for _ in range(3)]
+    cloud.location = where
     tree, shader, material = volume_material("Principled")
     shader.inputs["Color"].default_value = colour(r, 0.3, 1.0, r.random() * 0.4)
     shader.inputs["Anisotropy"].default_value = r.uniform(-0.3, 0.7)
@@ -102,13 +104,13 @@ def tinted(r: random.Random, made: list[bpy.types.Object]) -> None:
         body.data.materials.append(material)
 
 
-def add(r: random.Random, made: list[bpy.types.Object], size: float) -> None:
-    """Fog, smoke or tinted bodies."""
+def add(r: random.Random, made: list[bpy.types.Object], size: float, place: Callable[[float, float], Vector]) -> None:
+    """Fog, smoke or tinted bodies; `place` gives a point in the picture between two distances."""
     which = r.choice(["fog", "smoke", "smoke", "tinted"])
     if which == "fog":
-        filled(size, math.exp(r.uniform(-2.6, -0.6)) / size, r.uniform(0.0, 0.7), colour(r, 0.7, 1.0, r.random() * 0.25))
+        filled(size, math.exp(r.uniform(-3.2, -1.2)) / size, r.uniform(0.0, 0.7), colour(r, 0.7, 1.0, r.random() * 0.25))
     elif which == "smoke":
         for _ in range(r.randint(1, 2)):
-            smoke(r, size)
+            smoke(r, size, place(0.7, 1.2))
     else:
         tinted(r, made)

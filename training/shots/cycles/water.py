@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import random
+from collections.abc import Callable
 
 import bpy
+from mathutils import Vector
 
 from training.shots.cycles.materials import colour
 from training.shots.cycles.motion import keyed
@@ -62,13 +64,16 @@ def waves(r: random.Random, size: float) -> None:
     surface.data.materials.append(deep)
 
 
-def thick_glass(r: random.Random, made: list[bpy.types.Object], size: float) -> list[bpy.types.Object]:
-    """Slabs, balls and hollow things of glass among the others, which are seen through them."""
+def thick_glass(
+    r: random.Random, made: list[bpy.types.Object], distance: float, place: Callable[[float, float], Vector]
+) -> list[bpy.types.Object]:
+    """Slabs, balls and hollow things of glass before and among the others, which are seen through them; `place` gives a point in the
+    picture between two shares of the target's distance."""
     new = []
     for _ in range(r.randint(3, 6)):
         sort = r.choice(["slab", "ball", "bottle", "thing"])
-        scale = size * r.uniform(0.12, 0.3)
-        where = (r.gauss(0, size * 0.35), r.gauss(0, size * 0.35), scale * r.uniform(0.8, 1.6))
+        scale = distance * r.uniform(0.05, 0.14)
+        where = place(0.6, 1.1)
         if sort == "slab":
             bpy.ops.mesh.primitive_cube_add(size=1.6, location=where)
             bpy.context.object.scale = (scale, scale * r.uniform(0.1, 0.5), scale * 1.4)
