@@ -160,12 +160,14 @@ def test_the_schedule_goes_on_where_it_was_and_ends_with_the_time(monkeypatch: p
     monkeypatch.setattr(clock.time, "monotonic", lambda: now[0])
     first = clock.Clock(100)
     now[0] += 20  # reading
+    assert first.done == 0
     first.start()
     assert first.done == 0
     now[0] += 40
     assert first.done == pytest.approx(0.5)
     again = clock.Clock(100, first.spent, first.done)
     now[0] += 20
+    assert again.done == pytest.approx(0.5)
     again.start()
     assert again.done == pytest.approx(0.5)
     again.reserve = 10

@@ -22,7 +22,7 @@ class Clock:
         self.begun = time.monotonic() - spent
         self.reserve = 0.0  # seconds that are kept for what comes after training
         self.resumed = done
-        self.started = spent
+        self.started: float | None = None
 
     @property
     def spent(self) -> float:
@@ -35,6 +35,8 @@ class Clock:
     @property
     def done(self) -> float:
         """How far the schedule is, 0…1."""
+        if self.started is None:
+            return self.resumed
         left = self.seconds - self.reserve - self.started
         share = (self.spent - self.started) / left if left > 0 else 1.0
         return min(1.0, self.resumed + (1.0 - self.resumed) * share)

@@ -51,7 +51,7 @@ def drop_coarse(net: Hush, share: float) -> None:
     net.from_eighth.register_forward_pre_hook(drop)
 
 
-def begun(a: argparse.Namespace, state: dict[str, object] | None) -> tuple[Hush, Clock]:
+def beginning(a: argparse.Namespace, state: dict[str, object] | None) -> tuple[Hush, Clock]:
     """The network to train: a checkpoint's, else one that begins from `--start`, else from random weights; and the run's time."""
     if state:
         return Hush(Architecture(**state["architecture"])), Clock(a.seconds, state["spent"], state["done"])
@@ -156,16 +156,18 @@ def train(run: Run, trainer: Trainer, a: argparse.Namespace) -> None:
         run.clock.reserve = time.monotonic() - began
 
     record()
-    trainer.warm_up()
+    if a.compile or a.device == "cuda":
+        trainer.warm_up()
     run.clock.start()
-    first, recorded, printed = run.step, run.clock.spent, run.step
+    begun = recorded = run.clock.spent
+    first = printed = run.step
     for batch in trainer.drawn():
         if run.clock.done >= 1.0 or run.step >= a.steps:
             break
         trainer.step(batch)
         if run.step == printed + 100:
             printed = run.step
-            pace = (run.clock.spent - run.clock.started) / (run.step - first)
+            pace = (run.clock.spent - begun) / (run.step - first)
             print(f"step {run.step} loss {float(trainer.loss_of_late):.4f} done {run.clock.done:.3f} {pace:.3f} s/step", flush=True)
         if run.clock.spent - recorded >= a.every:
             record()
@@ -187,7 +189,7 @@ def main() -> None:
     a.out.mkdir(parents=True, exist_ok=True)
     torch.manual_seed(a.seed)
     state = checkpoint(a.out)
-    net, clock = begun(a, state)
+    net, clock = beginning(a, state)
     net = net.to(device, memory_format=torch.channels_last)
     mean = Run.averaged(net)
     if a.fused:
