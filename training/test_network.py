@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import copy
 import json
+import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -17,7 +19,7 @@ from training.benchmark import ablate
 from training.data.batches import Batches, Recipe
 from training.data.resident import Resident
 from training.example_shots import moving_shot, noise
-from training.network import clock, export, fused, measure, train
+from training.network import clock, export, fused, measure, pack, train
 from training.network.loss import asymmetric, fireflies
 from training.network.model import Architecture, Hush
 from training.network.muon import QUINTIC, Both, Muon, is_coarse
@@ -198,12 +200,12 @@ def test_training_lowers_the_loss(references: tuple[int, ...]) -> None:
     torch.manual_seed(1)
     net = Hush(SMALL)
     net.average = fused.average
-    optimiser = Both(net, 3e-3)
-    batch = batches(Recipe(outputs=2, crop=32, alone=0, paired=1), references).draw()
+    optimiser = torch.optim.Adam(net.parameters(), 3e-3)
+    batch = batches(Recipe(outputs=2, crop=32, alone=0, paired=1, lambda_maps=0.5), references).draw()
     assert len(batch.views) == len(references)
     losses = []
     for _ in range(12):
-        loss = objective(net, batch, Shares())
+        loss = objective(net, batch, Shares(temporal=0.25))
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
@@ -241,7 +243,7 @@ def test_a_run_starts_from_weights_goes_on_and_is_exported_with_its_architecture
     header = {"hush.architecture": json.dumps(SMALL.header()), "hush.training": "{}"}
     WeightsFile({k: v.contiguous() for k, v in trained.weights.items()}, header).write(weights)
     options = ["--shots", shots, "--out", out, "--start", weights, "--without", "eighth.1", "--architecture", "blocks_quarter=3"]
-    options += ["--crop", 32, "--seconds", 600, "--fused", "--drop-coarse", 0.5, "--decay-coarse", 0.1]
+    options += ["--crop", 32, "--seconds", 600, "--fused", "--drop-coarse", 0.5, "--decay-coarse", 0.1, "--lambda-maps", 0.3]
     started(monkeypatch, train, *options, "--steps", 2, "--every", 0)
     first = torch.load(out / "checkpoint.pt", weights_only=True)
     assert first["step"] == 2 and first["seeds"] == [9, 10, 11]
@@ -263,6 +265,23 @@ def test_a_run_starts_from_weights_goes_on_and_is_exported_with_its_architecture
     started(monkeypatch, ablate, tmp_path / "out.safetensors", "--shots", shots)
     table = capsys.readouterr().out
     assert "nothing 1.000" in table and "keys" in table
+
+
+def test_a_pack_trains_where_nothing_of_the_project_is(shots: Path, tmp_path: Path) -> None:
+    weights, there = tmp_path / "start.safetensors", tmp_path / "there"
+    trained = random_weights()
+    WeightsFile(trained.weights, {"hush.architecture": json.dumps(SMALL.header())}).write(weights)
+    pieces = pack.write(tmp_path / "pack", sorted(shots.iterdir()), weights, None, 100_000)
+    assert pieces > 2
+    assert all(path.stat().st_size <= 100_000 for path in (tmp_path / "pack").iterdir())
+    subprocess.run(["sh", tmp_path / "pack/unpack.sh", there], check=True)
+    options = ["--crop", "32", "--steps", "1", "--batch", "1", "--seconds", "600"]
+    environment = {"PATH": os.environ["PATH"], "PYTHON": sys.executable}
+    subprocess.run([there / "train", *options], check=True, env=environment, cwd=tmp_path)
+    subprocess.run([there / "export", "--out", there / "out.safetensors"], check=True, env=environment, cwd=tmp_path)
+    assert WeightsFile.read(there / "out.safetensors").architecture() == SMALL
+    (tmp_path / "pack/pack.001").write_bytes(b"damaged")
+    assert subprocess.run(["sh", tmp_path / "pack/unpack.sh", there], capture_output=True).returncode != 0
 
 
 def test_scores_do_not_depend_on_how_shots_are_taken_together(monkeypatch: pytest.MonkeyPatch) -> None:

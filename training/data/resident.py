@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import torch
 from torch import Tensor
 
-from training.data.shots import Shot, Take
+from training.data.shots import Shot, Take, read_shot
 
 # How a file holds the passes of a take: the type, and the scale that they are stored at.
 STORED = {
@@ -70,6 +73,11 @@ class Pool:
     def size(self) -> tuple[int, int]:
         return tuple(self.vector.shape[-2:])
 
+    def to(self, device: torch.device) -> Pool:
+        passes = {name: images.to(device) for name, images in self.passes.items()}
+        vector, references, spp = (x.to(device) for x in (self.vector, self.references, self.spp))
+        return Pool(self.referenced, passes, vector, references, spp, self.seeds)
+
     def shots(self, index: Tensor, take: Tensor, first: int, last: int, crop: Crop | None = None) -> Shot:
         """Frames `first` to `last` of some shots, (B,) on the device, and of each a take, (B,), as one batch of shots in f32."""
         cut = crop.of if crop else lambda x: x
@@ -97,25 +105,35 @@ class Resident:
 
     def add(self, shots: Iterable[Shot]) -> None:
         """Takes shots into the device's memory."""
-        found: dict[tuple[object, ...], list[Shot]] = {}
-        for shot in shots:
-            found.setdefault((len(takes_of(shot)), *shot.depth.shape, *sorted(shot.references)), []).append(shot)
+        self.join(pool_of(shot) for shot in shots)
+
+    def read(self, paths: Iterable[Path]) -> None:
+        """Reads shots into the device's memory, several at once: most of the time goes into inflating their files."""
+        with ThreadPoolExecutor(os.cpu_count()) as readers:
+            self.join(readers.map(lambda path: pool_of(read_shot(path)), paths))
+
+    def join(self, single: Iterable[Pool]) -> None:
+        found: dict[tuple[object, ...], list[Pool]] = {}
+        for pool in single:
+            form = (pool.takes, pool.frames, *pool.size, *pool.referenced)
+            found.setdefault(form, []).append(pool)
         for form, alike in found.items():
-            more = self.pool_of(alike)
-            known = self.pools.get(form)
-            self.pools[form] = joined(known, more) if known else more
-
-    def pool_of(self, shots: Sequence[Shot]) -> Pool:
-        stacked = lambda images: torch.stack(images).to(self.device)
-        of_takes = lambda s, name, how: torch.stack([packed(getattr(t, name), *how) for t in takes_of(s)])
-        passes = {name: stacked([of_takes(s, name, how) for s in shots]) for name, how in STORED.items()}
-        referenced = tuple(sorted(shots[0].references))
-        references = stacked([torch.stack([s.references[k] for k in referenced]) for s in shots])
-        spp = torch.tensor([[float(t.spp) for t in takes_of(s)] for s in shots], device=self.device)
-        return Pool(referenced, passes, stacked([s.vector for s in shots]), references, spp, [s.seed for s in shots])
+            more = joined(alike).to(self.device)
+            self.pools[form] = joined([self.pools[form], more]) if form in self.pools else more
 
 
-def joined(first: Pool, second: Pool) -> Pool:
-    both = lambda name: torch.cat((getattr(first, name), getattr(second, name)))
-    passes = {name: torch.cat((images, second.passes[name])) for name, images in first.passes.items()}
-    return Pool(first.referenced, passes, both("vector"), both("references"), both("spp"), first.seeds + second.seeds)
+def pool_of(shot: Shot) -> Pool:
+    """A shot as a pool of one, on the CPU."""
+    takes, referenced = takes_of(shot), tuple(sorted(shot.references))
+    passes = {name: torch.stack([packed(getattr(t, name), *how) for t in takes])[None] for name, how in STORED.items()}
+    references = torch.stack([shot.references[k] for k in referenced])[None]
+    return Pool(referenced, passes, shot.vector[None], references, torch.tensor([[float(t.spp) for t in takes]]), [shot.seed])
+
+
+def joined(pools: Sequence[Pool]) -> Pool:
+    """Pools of one form as one."""
+    every = lambda read: torch.cat([read(pool) for pool in pools])
+    passes = {name: every(lambda pool, name=name: pool.passes[name]) for name in STORED}
+    seeds = [seed for pool in pools for seed in pool.seeds]
+    vector, references, spp = every(lambda p: p.vector), every(lambda p: p.references), every(lambda p: p.spp)
+    return Pool(pools[0].referenced, passes, vector, references, spp, seeds)

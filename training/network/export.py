@@ -15,7 +15,7 @@ import torch
 from safetensors.torch import save_file
 
 from training.data.resident import Resident
-from training.data.shots import is_held, read_shot, shot_paths
+from training.data.shots import is_held, shot_paths
 from training.network.measure import everything, scores
 from training.network.weights_file import Trained, mean_of
 
@@ -34,7 +34,7 @@ def main() -> None:
     tensors = {k: v.to(torch.float16).contiguous() for k, v in mean.weights.items()}
     rounded = Trained(mean.architecture, {k: v.float() for k, v in tensors.items()})
     held = Resident(torch.device(a.device))
-    held.add(read_shot(path) for path in shot_paths(a.shots) if is_held(path))
+    held.read(path for path in shot_paths(a.shots) if is_held(path))
     found = scores(rounded.network().to(held.device), everything(held))
     measured = {"smape_window_2": found["smape_2"], "smape_window_0": found["smape_0"]}
     header = {

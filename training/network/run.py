@@ -11,7 +11,7 @@ from pathlib import Path
 import torch
 
 from training.data.resident import Resident
-from training.data.shots import is_held, read_shot, shot_paths
+from training.data.shots import is_held, shot_paths
 from training.network.clock import Clock
 from training.network.measure import Scores, sample, scores
 from training.network.model import Hush
@@ -42,7 +42,7 @@ class Run:
         """Reads the shots that came since the last time."""
         new = {path.stem: path for path in shot_paths(self.sources) if path.stem not in self.known}
         for into, held in ((self.shots, False), (self.held, True)):
-            into.add(read_shot(path) for path in new.values() if is_held(path) == held)
+            into.read(path for path in new.values() if is_held(path) == held)
         self.known |= new.keys()
 
     def resume(self, state: dict[str, object]) -> None:

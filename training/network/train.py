@@ -111,11 +111,12 @@ class Trainer:
     def backward(self, batch: Batch) -> Tensor:
         """The gradients of a batch, and its loss, which stays on the device."""
         net = self.run.net
+        torch.compiler.cudagraph_mark_step_begin()
         with torch.autocast(batch.inputs.device.type, torch.bfloat16, enabled=self.bf16):
             loss = self.loss(net, batch, self.shares)
         self.run.optimiser.zero_grad()
         loss.backward()
-        return loss.detach()
+        return loss.detach().clone()
 
     def warm_up(self) -> None:
         """A batch of every kind, for nothing: what is compiled or searched for at a shape's first use is there when the schedule begins."""
