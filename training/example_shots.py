@@ -27,14 +27,13 @@ def noisy(count: int, rows: int, columns: int, seed: int) -> dict[str, Tensor]:
 
 
 def moving_shot(
-    count: int = 7, references: tuple[int, ...] = (3, 2), rows: int = 32, columns: int = 48, seed: int = 1, takes: int = 1, speed: float = 12
+    count: int = 7, references: tuple[int, ...] = (3, 2), rows: int = 32, columns: int = 48, seed: int = 1, takes: int = 1
 ) -> Shot:
     """Noise over smooth vectors that point out of the frame in places."""
-    coarse = noise(count, 4, 3, 4, seed=seed + 5) * speed - speed / 2
+    coarse = noise(count, 4, 3, 4, seed=seed + 5) * 12 - 6
     vector = F.interpolate(coarse, size=(rows, columns), mode="bilinear")
     targets = {k: noise(3, rows, columns, seed=seed + 20 + k) for k in references}
     others = [Take(4 * (k + 1), **noisy(count, rows, columns, seed + 100 * k)) for k in range(takes)]
     first = others[0]
-    return Shot(
-        seed, first.spp, first.colour, first.albedo, first.normal, first.depth, vector, targets, takes=others if takes > 1 else []
-    )  # fmt: skip
+    own = first.colour, first.albedo, first.normal, first.depth
+    return Shot(seed, first.spp, *own, vector, targets, takes=others if takes > 1 else [])

@@ -112,7 +112,13 @@ def warped(source: Tensor, position: Tensor) -> Tensor:
 
 
 def neighbours(
-    paths: Sequence[Chain], offsets: Sequence[int], colour: Tensor, albedo: Tensor, depth: Tensor, valid: Tensor, centre: tuple[Tensor, Tensor]
+    paths: Sequence[Chain],
+    offsets: Sequence[int],
+    colour: Tensor,
+    albedo: Tensor,
+    depth: Tensor,
+    valid: Tensor,
+    centre: tuple[Tensor, Tensor],
 ) -> dict[str, Tensor]:
     """K ≥ 1 neighbours, seen from the centre frame.
 

@@ -1,4 +1,4 @@
-"""Writes the averaged weights of checkpoints as the safetensors file that the Rust core embeds, with the architecture they were trained with.
+"""Writes the averaged weights of checkpoints, and their architecture, as the safetensors file that the Rust core embeds.
 
     python -m training.network.export runs/first/checkpoint.pt --out models/hush.safetensors --shots runs/shots
 

@@ -56,8 +56,9 @@ def plain(*tensors: Tensor) -> list[Tensor]:
 
 @torch.library.custom_op("hush::kernel_average", mutates_args=())
 def apply(
-    logits: Tensor, images: Tensor, valid: Tensor, colour: Tensor, mask: Tensor, queries: Tensor, keys: Tensor, sizes: list[int], coarse_taps: int
-) -> tuple[Tensor, Tensor]:
+    logits: Tensor, images: Tensor, valid: Tensor, colour: Tensor, mask: Tensor, queries: Tensor, keys: Tensor,
+    sizes: list[int], coarse_taps: int,
+) -> tuple[Tensor, Tensor]:  # fmt: skip
     """`model.kernel_average` with empty tensors for what is not there: the average and the sum of the weights."""
     arrays = plain(logits, images, valid, colour, mask, queries, keys)
     results = [torch.zeros_like(arrays[1][:, 0]), torch.zeros_like(arrays[2][:, 0])]
@@ -81,8 +82,9 @@ def apply_backward(
 
 @apply.register_fake
 def _(
-    logits: Tensor, images: Tensor, valid: Tensor, colour: Tensor, mask: Tensor, queries: Tensor, keys: Tensor, sizes: list[int], coarse_taps: int
-) -> tuple[Tensor, Tensor]:
+    logits: Tensor, images: Tensor, valid: Tensor, colour: Tensor, mask: Tensor, queries: Tensor, keys: Tensor,
+    sizes: list[int], coarse_taps: int,
+) -> tuple[Tensor, Tensor]:  # fmt: skip
     b, _, _, h, w = images.shape
     empty = lambda channels: images.new_empty(b, channels, h, w, dtype=torch.float32)
     return empty(3), empty(1)

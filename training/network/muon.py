@@ -31,7 +31,9 @@ class Muon(Optimizer):
     Parameters of one shape are stepped together, as one batch of matrices.
     """
 
-    def __init__(self, parameters: Iterable[Tensor] | list[dict[str, object]], lr: float, momentum: float = 0.95, weight_decay: float = 0.0) -> None:
+    def __init__(
+        self, parameters: Iterable[Tensor] | list[dict[str, object]], lr: float, momentum: float = 0.95, weight_decay: float = 0
+    ) -> None:
         super().__init__(parameters, {"lr": lr, "momentum": momentum, "weight_decay": weight_decay})
 
     @torch.no_grad()

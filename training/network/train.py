@@ -71,9 +71,7 @@ def arguments() -> argparse.Namespace:
     p.add_argument("--device", default="cpu", choices=("cpu", "cuda", "mps"))
     p.add_argument("--start", type=Path, help="a weights file, or a checkpoint's averaged weights, that a new run starts from")
     p.add_argument("--without", type=names, default=[], help="residual blocks of --start to leave out: eighth.0,half_out.1")
-    p.add_argument(
-        "--architecture", type=names, default=[], help="numbers of a new run's architecture: blocks_quarter=3,blocks_out=2 [default: --start's]"
-    )
+    p.add_argument("--architecture", type=names, default=[], help="numbers that a new run changes: blocks_quarter=3,blocks_out=2")
     p.add_argument("--seconds", type=float, default=7200.0, help="wall-clock time of the whole run, resumed ones and reading included")
     p.add_argument("--steps", type=int, default=10**9, help="end the run there; the schedule stays")
     p.add_argument("--every", type=float, default=600.0, help="seconds between checkpoints, each with its scores")
@@ -153,7 +151,8 @@ def train(run: Run, trainer: Trainer, a: argparse.Namespace) -> None:
 
     def record() -> None:
         began = time.monotonic()
-        run.record(None if trainer.loss_of_late is None else float(trainer.loss_of_late), run.measure(a.sample, a.bf16 and a.device == "cuda"))
+        loss = None if trainer.loss_of_late is None else float(trainer.loss_of_late)
+        run.record(loss, run.measure(a.sample, a.bf16 and a.device == "cuda"))
         run.clock.reserve = time.monotonic() - began
 
     record()
