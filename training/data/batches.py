@@ -30,7 +30,7 @@ class Recipe:
     paired: float = 0.5  # of two frames in a row, for the temporal loss, where shots have references of both
     farther: float = 0.15  # with four neighbours out of ±1 to ±3 instead of ±1 and ±2, where shots have them
     composed: float = 0.15  # of shots in front of others
-    lambda_maps: float = 0.0  # of the examples have a λ that varies inside the frame; 0 gives λ as (B,), else as maps
+    lambda_maps: float = 0.3  # of the examples have a λ that varies inside the frame; 0 gives λ as (B,), else as maps
     turned: bool = False  # normals in a world that is turned at random, for renderers that give them in world space
 
 
