@@ -194,3 +194,12 @@ def test_every_kind_of_batch_is_finite_and_of_one_shape(shot: Shot) -> None:
         assert torch.isfinite(batch.inputs).all()
     assert len(shapes) == 2 * len({1, len(shot.references)})
     assert all(len(found) == 1 for found in shapes.values())
+
+
+def test_each_kind_of_batch_comes_once_and_larger_shots_both_cut_and_whole() -> None:
+    recipe = Recipe(outputs=4, crop=32, composed=0.0, farther=0.0)
+    batches = Batches(resident(moving_shot(rows=48, columns=48), moving_shot(5, (2,), columns=32)), recipe, 1)
+    forms = [(len(b.views), len(b.orders[0]), *b.inputs.shape) for b in batches.each_kind()]
+    assert len(forms) == 8 + 2
+    assert len(set(forms)) == 8, "squares of the larger shots have the shapes of the smaller ones"
+    assert {form[-1] for form in forms} == {32, 48}

@@ -103,11 +103,12 @@ class Batches:
         area = lambda p: max(1.0, p.size[0] * p.size[1] / self.recipe.crop**2)
         return self.random.choices(pools, [len(p) * len(p.referenced) * area(p) for p in pools])[0]
 
-    def crop(self, pool: Pool) -> Crop | None:
-        """A random square, at even rows and columns; None for the whole frame."""
+    def larger(self, pool: Pool) -> bool:
+        return min(pool.size) > self.recipe.crop
+
+    def square(self, pool: Pool) -> Crop:
+        """A random square of a larger frame, at even rows and columns."""
         (h, w), size = pool.size, self.recipe.crop
-        if min(h, w) <= size or self.random.random() < self.recipe.whole:
-            return None
         return Crop(2 * self.random.randint(0, (h - size) // 2), 2 * self.random.randint(0, (w - size) // 2), size)
 
     def offsets(self, pool: Pool, centre: int) -> list[int]:
@@ -121,16 +122,19 @@ class Batches:
         r, recipe = self.random, self.recipe
         alone = r.random() < recipe.alone
         paired = r.random() < recipe.paired and any(len(p.referenced) > 1 for p in self.shots.pools.values())
-        return self.draw_of(self.pool(paired), alone, paired)
+        pool = self.pool(paired)
+        whole = not self.larger(pool) or r.random() < recipe.whole
+        return self.draw_of(pool, alone, paired, whole)
 
     def each_kind(self) -> Iterator[Batch]:
         """A batch of every form that `draw` gives but those of farther neighbours, which are as large."""
         for pool in self.shots.pools.values():
             for paired in (False, True) if len(pool.referenced) > 1 else (False,):
                 for alone in (False, True):
-                    yield self.draw_of(pool, alone, paired)
+                    for whole in (False, True) if self.larger(pool) else (True,):
+                        yield self.draw_of(pool, alone, paired, whole)
 
-    def draw_of(self, pool: Pool, alone: bool, paired: bool) -> Batch:
+    def draw_of(self, pool: Pool, alone: bool, paired: bool, whole: bool) -> Batch:
         """A batch of one kind from one pool."""
         r, recipe = self.random, self.recipe
         centres = sorted(pool.referenced[-2:], reverse=True) if paired else [r.choice(pool.referenced)]
@@ -138,7 +142,7 @@ class Batches:
         seen = [c + k for c in centres for k in (0, *reach_of(pool.frames, c, offsets))]
         plain = alone or tuple(offsets) == OFFSETS
         first, last = (min(seen), max(seen)) if plain else (0, pool.frames - 1)
-        crop = self.crop(pool)
+        crop = None if whole else self.square(pool)
         area = 1.0 if crop else max(1.0, pool.size[0] * pool.size[1] / recipe.crop**2)
         # A frame without neighbours costs a third of one with four.
         count = max(1, round(recipe.outputs * (2 if alone else 1) / len(centres) / area))
