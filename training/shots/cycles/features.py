@@ -59,6 +59,15 @@ class Built:
         where.z = max(where.z, 0.02 * self.size)
         return where
 
+    def seen(self) -> list[bpy.types.Object]:
+        """The meshes among the things whose middle is in the picture; all meshes where none is."""
+        eye = self.scene.camera
+        reach = 18 / eye.data.lens
+        meshes = [thing for thing in self.things if thing.type == "MESH" and len(thing.data.polygons) > 0]
+        inside = lambda p: p.z < 0 and max(abs(p.x), abs(p.y)) < -p.z * reach
+        turned = eye.rotation_quaternion.inverted()
+        return [thing for thing in meshes if inside(turned @ (thing.location - eye.location))] or meshes
+
 
 def drawn(r: random.Random) -> list[str]:
     """The names of a shot's features: none, one or two."""
@@ -104,7 +113,7 @@ def mirrors(shot: Built) -> None:
 def skin(shot: Built) -> None:
     """Flesh, wax or marble on some things, with light from behind on some of them."""
     r = shot.r
-    bodies = [thing for thing in shot.things if thing.type == "MESH"]
+    bodies = shot.seen()
     for body in r.sample(bodies, min(len(bodies), r.randint(2, 4))):
         made = bpy.data.materials.new("skin")
         made.use_nodes = True
@@ -303,10 +312,10 @@ def textured(shot: Built) -> None:
 
 
 FEATURES: dict[str, tuple[Callable[[Built], object], ...]] = {
-    "hair": (lambda shot: hair.add(shot.r, shot.things, shot.kind, shot.size),),
-    "volume": (lambda shot: volumes.add(shot.r, shot.things, shot.size, shot.place),),
+    "hair": (lambda shot: hair.add(shot.r, shot.seen(), shot.kind, shot.size),),
+    "volume": (lambda shot: volumes.add(shot.r, shot.seen(), shot.size, shot.place),),
     "water": (lambda shot: water.waves(shot.r, shot.size),),
-    "glass": (lambda shot: shot.things.extend(water.thick_glass(shot.r, shot.things, shot.distance, shot.place)),),
+    "glass": (lambda shot: shot.things.extend(water.thick_glass(shot.r, shot.seen(), shot.distance, shot.place)),),
     "mirrors": (mirrors, textured),
     "skin": (skin,),
     "leaves": (leaves,),
