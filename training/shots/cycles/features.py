@@ -195,7 +195,8 @@ def leaves(shot: Built) -> None:
     for _ in range(r.randint(1, 4)):
         length = shot.size * math.exp(r.uniform(-3.6, -2.2))
         reach = [shot.size * r.uniform(0.1, 0.3) for _ in range(3)]
-        points, faces = [], []
+        points: list[Vector] = []
+        faces: list[tuple[int, ...]] = []
         for _ in range(r.randint(150, 700)):
             middle = Vector([r.gauss(0, 0.5) * extent for extent in reach])
             ahead = Vector((r.gauss(0, 1), r.gauss(0, 1), r.gauss(-0.2, 0.5))).normalized()
@@ -233,6 +234,11 @@ def bulbs(shot: Built, count: int, strength: tuple[float, float], depth: tuple[f
         bpy.context.object.data.materials.append(glowing(r, math.exp(r.uniform(*strength))))
 
 
+def dimmed(r: random.Random, full: float) -> Callable[[int], float]:
+    """Another strength for every frame."""
+    return lambda _: full * r.uniform(0.3, 1)
+
+
 def signs(shot: Built) -> None:
     """Glowing letters, neon tubes and small bright lamps; a third of them flicker."""
     r = shot.r
@@ -259,7 +265,7 @@ def signs(shot: Built) -> None:
         if r.random() < 0.33:
             strength = glow.node_tree.nodes["Principled BSDF"].inputs["Emission Strength"]
             full = strength.default_value
-            keyed(strength, "default_value", lambda _, full=full: full * r.uniform(0.3, 1))
+            keyed(strength, "default_value", dimmed(r, full))
     bulbs(shot, r.randint(2, 9), (3, 6.5), (0.5, 1.3))
 
 
