@@ -54,7 +54,9 @@ def run_all(work: Callable[[str], str], jobs: Sequence[str], count: int) -> list
     `work` is a function of a module (or a partial of one), the same for all; what it keeps in its module stays there for the process's
     next job. A process that dies is named with its job, and another takes its place for the jobs that are left.
     """
-    waiting, lost, running = deque(jobs), [], []
+    waiting = deque(jobs)
+    lost: list[str] = []
+    running: list[Running] = []
     while waiting or running:
         while waiting and len(running) < count:
             running.append(_started(work, waiting.popleft()))

@@ -59,6 +59,15 @@ class Built:
         where.z = max(where.z, 0.02 * self.size)
         return where
 
+    def seen(self) -> list[bpy.types.Object]:
+        """The meshes among the things whose middle is in the picture; all meshes where none is."""
+        eye = self.scene.camera
+        reach = 18 / eye.data.lens
+        meshes = [thing for thing in self.things if thing.type == "MESH" and len(thing.data.polygons) > 0]
+        inside = lambda p: p.z < 0 and max(abs(p.x), abs(p.y)) < -p.z * reach
+        turned = eye.rotation_quaternion.inverted()
+        return [thing for thing in meshes if inside(turned @ (thing.location - eye.location))] or meshes
+
 
 def drawn(r: random.Random) -> list[str]:
     """The names of a shot's features: none, one or two."""
@@ -104,7 +113,7 @@ def mirrors(shot: Built) -> None:
 def skin(shot: Built) -> None:
     """Flesh, wax or marble on some things, with light from behind on some of them."""
     r = shot.r
-    bodies = [thing for thing in shot.things if thing.type == "MESH"]
+    bodies = shot.seen()
     for body in r.sample(bodies, min(len(bodies), r.randint(2, 4))):
         made = bpy.data.materials.new("skin")
         made.use_nodes = True
@@ -186,7 +195,8 @@ def leaves(shot: Built) -> None:
     for _ in range(r.randint(1, 4)):
         length = shot.size * math.exp(r.uniform(-3.6, -2.2))
         reach = [shot.size * r.uniform(0.1, 0.3) for _ in range(3)]
-        points, faces = [], []
+        points: list[Vector] = []
+        faces: list[tuple[int, ...]] = []
         for _ in range(r.randint(150, 700)):
             middle = Vector([r.gauss(0, 0.5) * extent for extent in reach])
             ahead = Vector((r.gauss(0, 1), r.gauss(0, 1), r.gauss(-0.2, 0.5))).normalized()
@@ -224,6 +234,11 @@ def bulbs(shot: Built, count: int, strength: tuple[float, float], depth: tuple[f
         bpy.context.object.data.materials.append(glowing(r, math.exp(r.uniform(*strength))))
 
 
+def dimmed(r: random.Random, full: float) -> Callable[[int], float]:
+    """Another strength for every frame."""
+    return lambda _: full * r.uniform(0.3, 1)
+
+
 def signs(shot: Built) -> None:
     """Glowing letters, neon tubes and small bright lamps; a third of them flicker."""
     r = shot.r
@@ -250,7 +265,7 @@ def signs(shot: Built) -> None:
         if r.random() < 0.33:
             strength = glow.node_tree.nodes["Principled BSDF"].inputs["Emission Strength"]
             full = strength.default_value
-            keyed(strength, "default_value", lambda _, full=full: full * r.uniform(0.3, 1))
+            keyed(strength, "default_value", dimmed(r, full))
     bulbs(shot, r.randint(2, 9), (3, 6.5), (0.5, 1.3))
 
 
@@ -303,10 +318,10 @@ def textured(shot: Built) -> None:
 
 
 FEATURES: dict[str, tuple[Callable[[Built], object], ...]] = {
-    "hair": (lambda shot: hair.add(shot.r, shot.things, shot.kind, shot.size),),
-    "volume": (lambda shot: volumes.add(shot.r, shot.things, shot.size, shot.place),),
+    "hair": (lambda shot: hair.add(shot.r, shot.seen(), shot.kind, shot.size),),
+    "volume": (lambda shot: volumes.add(shot.r, shot.seen(), shot.size, shot.place),),
     "water": (lambda shot: water.waves(shot.r, shot.size),),
-    "glass": (lambda shot: shot.things.extend(water.thick_glass(shot.r, shot.things, shot.distance, shot.place)),),
+    "glass": (lambda shot: shot.things.extend(water.thick_glass(shot.r, shot.seen(), shot.distance, shot.place)),),
     "mirrors": (mirrors, textured),
     "skin": (skin,),
     "leaves": (leaves,),

@@ -108,11 +108,10 @@ def meadow(r: random.Random, size: float) -> None:
     blades.data.materials.append(strand_material(r))
 
 
-def add(r: random.Random, made: list[bpy.types.Object], kind: str, size: float) -> None:
-    """Fur on some of the things, or a meadow outdoors."""
-    if kind == "outdoor" and r.random() < 0.5:
+def add(r: random.Random, bodies: list[bpy.types.Object], kind: str, size: float) -> None:
+    """Fur on some of the bodies, or a meadow outdoors."""
+    if not bodies or (kind == "outdoor" and r.random() < 0.5):
         meadow(r, size)
         return
-    bodies = [thing for thing in made if thing.type == "MESH" and len(thing.data.polygons) > 0]
     for body in r.sample(bodies, min(len(bodies), r.randint(1, 3))):
         coat(r, body)

@@ -7,8 +7,9 @@ Run it with the interpreter that has bpy. It writes pack.000, pack.001 … of at
     sh unpack.sh FOLDER && FOLDER/render OUT --device cuda --processes 14 --first 60000 --count 500
 
 FOLDER/benchmark does the same for the benchmark's shots. What only interfaces, AMD's and Intel's GPUs and Cycles' own denoising want is
-left out. --ptxas translates Cycles' CUDA kernel for a GPU architecture that the package has none for, which takes minutes here instead of
-in every process there; the kernel stays beside the pieces for the next pack, and need not travel with them.
+left out; a C compiler makes empty libraries in the places of two. --ptxas translates Cycles' CUDA kernel for a GPU architecture that the
+package has none for, which takes minutes here instead of in every process there; the kernel stays beside the pieces for the next pack, and
+need not travel with them.
 """
 
 from __future__ import annotations
@@ -42,10 +43,12 @@ PACKAGES = (
 )
 # Of bpy and of the interpreter, by the path below them.
 LEFT_OUT = re.compile(
-    r"__pycache__|\.pyc$|/lib/kernel_gfx|/lib/kernel_oneapi|/lib/libOpenImageDenoise_(core|device)|/lib/libur_adapter|/hiprt.*\.zst$"
-    r"|^bpy/\d\.\d+/(assets|python)/|^bpy/\d\.\d+/datafiles/(fonts|locale|studiolights|icons)/|/scripts/(templates|presets)"
+    r"__pycache__|\.pyc$|/lib/kernel_gfx|/lib/kernel_oneapi|/lib/libOpenImageDenoise_device|/lib/libur_adapter|/hiprt.*\.zst$"
+    r"|^bpy/\d\.\d+/(assets|python)/|^bpy/\d\.\d+/datafiles/(assets|fonts|locale|studiolights|icons)/|/scripts/(templates|presets)"
     r"|^lib/python3\.\d+/(test|idlelib|tkinter|turtledemo|ensurepip|lib2to3|site-packages|config-[^/]*)/"
 )
+# Large, wanted when bpy is loaded and never called here: libraries with the same names and nothing behind them go in their places.
+HOLLOW = re.compile(r"/lib/(libcycles_kernel_oneapi_aot|libOpenImageDenoise_core)\.so")
 # These come with every Linux, and another machine's own are the right ones.
 SYSTEM = re.compile(r"^(linux-vdso|ld-linux|lib(c|m|dl|rt|util|pthread|resolv|nsl|stdc\+\+|gcc_s)\.so)")
 START = """#!/bin/sh
@@ -116,6 +119,17 @@ def libraries(binaries: list[Path]) -> dict[str, Path]:
     return found
 
 
+def hollow(library: Path, folder: Path) -> Path:
+    """A library with the names of another."""
+    said = subprocess.run(["nm", "-D", "--defined-only", str(library)], capture_output=True, text=True, check=True).stdout
+    names = {line.split()[-1].split("@")[0] for line in said.splitlines()}
+    made = folder / library.name
+    command = ["cc", "-shared", "-nostdlib", "-w", f"-Wl,-soname,{library.name}", "-x", "c", "-", "-o", str(made)]
+    source = "".join(f"void *{name}[16];\n" for name in sorted(names) if re.fullmatch(r"[A-Za-z_]\w*", name))
+    subprocess.run(command, input=source, text=True, check=True)
+    return made
+
+
 def cubin(kernels: Path, architecture: int, ptxas: Path, target: Path) -> None:
     """Writes Cycles' CUDA kernel for an architecture, from the intermediate one of the package, compressed as Cycles reads it."""
     import zstandard
@@ -179,12 +193,14 @@ def main() -> None:
     if chosen.ptxas and not kernel.exists():
         cubin(kernels, chosen.architecture, chosen.ptxas, kernel)
     with (
+        tempfile.TemporaryDirectory() as scratch,
         pieces,
         gzip.GzipFile(fileobj=pieces, mode="wb", compresslevel=6) as squeezed,
         tarfile.open(fileobj=squeezed, mode="w|") as pack,
     ):
         for path, name in contents(bpy, chosen.assets):
-            pack.add(path.resolve(), name, recursive=False)
+            kept = hollow(path, Path(scratch)) if HOLLOW.search(name) else path.resolve()
+            pack.add(kept, name, recursive=False)
         if chosen.ptxas:
             pack.add(kernel, f"packages/{kernels.relative_to(bpy.parent)}/kernel_sm_{chosen.architecture}.cubin.zst")
         for name, module in (("render", "training.shots.cycles.render"), ("benchmark", "training.benchmark.render")):

@@ -43,7 +43,7 @@ def main() -> None:
     parser.add_argument(
         "--threshold", type=float, default=0.0056, help="noise at which a pixel of a half is done; their mean has 0.7 of it"
     )
-    parser.add_argument("--seconds", type=float, default=60.0, help="for each half of a reference, at most")
+    parser.add_argument("--seconds", type=float, default=60.0, help="by the clock for each half of a reference, at most; 0: any")
     parser.add_argument("--size", type=int, default=128, help="width and height in pixels")
     parser.add_argument("--assets", type=Path, default=Path("runs/assets"), help="folder of training.shots.cycles.fetch_assets")
     parser.add_argument("--threads", type=int, default=0, help="threads for Cycles, of each process; 0: all")

@@ -85,9 +85,8 @@ def smoke(r: random.Random, size: float, where: Vector) -> None:
     cloud.data.materials.append(material)
 
 
-def tinted(r: random.Random, made: list[bpy.types.Object]) -> None:
-    """Some things become clear bodies that take colour with thickness: jelly, coloured glass, resin."""
-    bodies = [thing for thing in made if thing.type == "MESH"]
+def tinted(r: random.Random, bodies: list[bpy.types.Object]) -> None:
+    """Some bodies become clear bodies that take colour with thickness: jelly, coloured glass, resin."""
     for body in r.sample(bodies, min(len(bodies), r.randint(1, 4))):
         material = bpy.data.materials.new("tinted")
         material.use_nodes = True
@@ -104,7 +103,7 @@ def tinted(r: random.Random, made: list[bpy.types.Object]) -> None:
         body.data.materials.append(material)
 
 
-def add(r: random.Random, made: list[bpy.types.Object], size: float, place: Callable[[float, float], Vector]) -> None:
+def add(r: random.Random, bodies: list[bpy.types.Object], size: float, place: Callable[[float, float], Vector]) -> None:
     """Fog, smoke or tinted bodies; `place` gives a point in the picture between two distances."""
     which = r.choice(["fog", "smoke", "smoke", "tinted"])
     if which == "fog":
@@ -113,4 +112,4 @@ def add(r: random.Random, made: list[bpy.types.Object], size: float, place: Call
         for _ in range(r.randint(1, 2)):
             smoke(r, size, place(0.7, 1.2))
     else:
-        tinted(r, made)
+        tinted(r, bodies)

@@ -65,7 +65,7 @@ def waves(r: random.Random, size: float) -> None:
 
 
 def thick_glass(
-    r: random.Random, made: list[bpy.types.Object], distance: float, place: Callable[[float, float], Vector]
+    r: random.Random, bodies: list[bpy.types.Object], distance: float, place: Callable[[float, float], Vector]
 ) -> list[bpy.types.Object]:
     """Slabs, balls and hollow things of glass before and among the others, which are seen through them; `place` gives a point in the
     picture between two shares of the target's distance."""
@@ -87,7 +87,6 @@ def thick_glass(
             bpy.ops.object.shade_smooth()
             bpy.context.object.modifiers.new("s", "SOLIDIFY").thickness = scale * r.uniform(0.05, 0.2)
         else:
-            bodies = [thing for thing in made if thing.type == "MESH"]
             if not bodies:
                 continue
             body = r.choice(bodies)
