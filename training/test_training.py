@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-import random
+import hashlib
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
 
 import pytest
 import torch
@@ -10,11 +14,12 @@ from torch import Tensor
 
 from training.benchmark import ablate
 from training.data.inputs import frames, prepare, view
-from training.data.shots import OFFSETS, Shot, oriented
-from training.network import fused
+from training.data.shots import OFFSETS, Shot, read_shot
 from training.network.loss import flicker
-from training.network.model import Architecture, Hush, kernel_average
-from training.network.train import batch_of, collate, example, objective
+from training.network.model import Architecture, Hush
+from training.shots import shot_file
+from training.shots.cycles.pack import Chunks
+from training.shots.processes import run_all
 
 torch.set_num_threads(1)
 ROWS, COLUMNS = 24, 40
@@ -30,42 +35,6 @@ def moving_shot(count: int = 7, references: tuple[int, ...] = (3, 2)) -> Shot:
     vector = torch.nn.functional.interpolate(noise(count, 4, 3, 4, seed=5) * 12 - 6, size=(ROWS, COLUMNS), mode="bilinear")
     targets = {k: noise(3, ROWS, COLUMNS, seed=20 + k) for k in references}
     return Shot(1, 4, n(3, 1) * 3, n(3, 2), n(3, 3) * 2 - 1, n(1, 4) * 9 - 1, vector, targets)
-
-
-@pytest.mark.parametrize(("sizes", "coarse"), [((5, 3, 3), 3), ((5,), 3), ((5, 3), 0), ((3, 1, 1, 1), 0)])
-def test_the_fused_kernels_are_the_plain_ones(sizes: tuple[int, ...], coarse: int) -> None:
-    taps = sum(s * s for s in sizes) + coarse**2
-    logits = noise(2, taps, ROWS, COLUMNS, seed=1) * 90 - 45
-    images, valid = noise(2, len(sizes), 3, ROWS, COLUMNS, seed=2) * 9, (noise(2, len(sizes), 1, ROWS, COLUMNS, seed=3) > 0.3).float()
-    colour, mask = noise(2, 3, ROWS // 2, COLUMNS // 2, seed=4), (noise(2, 1, ROWS // 2, COLUMNS // 2, seed=5) > 0.2).float()
-    pull = noise(2, 3, ROWS, COLUMNS, seed=6)
-    queries, keys = noise(2, len(sizes), 2, ROWS, COLUMNS, seed=7) * 8 - 4, noise(2, len(sizes), 1, ROWS, COLUMNS, seed=8)
-    results = []
-    for average in (kernel_average, fused.average):
-        inputs = [logits.clone().requires_grad_(), queries.clone().requires_grad_(), colour.clone().requires_grad_()]
-        out, norm = average(inputs[0], images, valid, sizes, (inputs[2], mask) if coarse else None, coarse, (inputs[1], keys))
-        (out * pull).sum().backward()
-        results.append([out.detach(), norm.log1p(), *(x.grad for x in inputs[: 3 if coarse else 2])])
-    for plain, fast in zip(*results, strict=True):
-        torch.testing.assert_close(fast, plain, rtol=1e-4, atol=1e-5)
-        assert plain.abs().max() > 0
-
-
-@pytest.mark.parametrize(
-    "turn", [(True, False, False), (False, True, False), (True, True, False), (False, False, True), (True, False, True)]
-)
-def test_turned_paths_are_the_paths_of_the_turned_vectors(turn: tuple[bool, bool, bool]) -> None:
-    shot = moving_shot()
-    for offset in (-2, -1, 1, 3):
-        shot.path(3, offset)
-    turned = oriented(shot, *turn)
-    fresh = Shot(1, 4, turned.colour, turned.albedo, turned.normal, turned.depth, turned.vector, turned.references)
-    for key, (position, trust, miss) in turned.paths.items():
-        again = fresh.path(*key)
-        near = (position - again[0]).abs().amax(0) < 1e-3
-        assert near.float().mean() > 0.99, "only rounding may choose another pixel"
-        assert (trust == again[1])[near].float().mean() > 0.99
-        assert (miss - again[2]).abs()[near].median() < 1e-3
 
 
 def test_a_view_of_the_middle_is_what_prepare_gives() -> None:
@@ -89,7 +58,7 @@ def test_a_network_without_trust_in_its_neighbours_is_the_window_of_zero() -> No
 def test_what_is_left_out_has_no_effect() -> None:
     torch.manual_seed(1)
     net = Hush(Architecture(features=8, half=8, quarter=8, eighth=8))
-    batch = collate([prepare(moving_shot())])
+    batch = {k: v[None] for k, v in prepare(moving_shot()).items()}
     other = batch | {"colour": torch.cat((batch["colour"][:, :1], 1 - batch["colour"][:, 1:]), 1)}
     assert (net(batch, torch.ones(1))["image"] - net(other, torch.ones(1))["image"]).abs().max() > 1e-3
     ablate.neighbour_taps(net)
@@ -107,28 +76,124 @@ def test_flicker_is_nothing_where_the_error_moves_along() -> None:
     assert flicker(reference + error, reference, -error, 0 * followed).max() == 0
 
 
-@pytest.mark.parametrize("references", [(3, 2), (3,)])
-def test_an_example_alone_is_its_viewed_frames(references: tuple[int, ...]) -> None:
-    shot = moving_shot(references=references)
-    inputs, views, lam = example(random.Random(1), shot, alone=True)
-    assert len(inputs) == len(views) == len(references)
-    assert all(len(view["colour"]) == 1 and not len(view["extras"]) for view in views)
-    batch = inputs[None], [collate([view]) for view in views], lam[None]
-    assert torch.isfinite(objective(Hush(Architecture(features=8, half=8, quarter=8, eighth=8)), *batch, 0.25))
+def stored_passes(seed: int, scale: float = 1.0) -> shot_file.Passes:
+    """One frame as a renderer gives it: a firefly, a NaN, and background as Blender 5.2 writes it."""
+    r = np.random.default_rng(seed)
+    made = {name: r.random((ROWS, COLUMNS, n), np.float32) for name, n in (("color", 3), ("albedo", 3), ("normal", 3), ("depth", 1))}
+    made["color"] = made["color"] * scale
+    made["color"][0, 0], made["color"][0, 1] = 1e9, np.nan
+    made["depth"][0] = 3e38
+    return made | {"vector": (r.random((ROWS, COLUMNS, 4), np.float32) - 0.5) * 40}
 
 
-@pytest.mark.parametrize("references", [(3, 2), (3,)])
-def test_training_lowers_the_loss(references: tuple[int, ...]) -> None:
-    torch.manual_seed(1)
-    net = Hush(Architecture(features=8, half=8, quarter=8, eighth=8))
-    net.average = fused.average
-    optimiser = torch.optim.Adam(net.parameters(), 3e-3)
-    batch = batch_of(random.Random(1), [moving_shot(references=references)], 1)
-    losses = []
-    for _ in range(12):
-        loss = objective(net, *batch, 0.25)
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-        losses.append(float(loss.detach()))
-    assert losses[-1] < 0.97 * losses[0]
+def stored_shot(target: Path, halves: int = 2) -> tuple[list[list[shot_file.Passes]], list[list[shot_file.Passes]]]:
+    takes = [[stored_passes(10 * take + frame) for frame in range(7)] for take in range(3)]
+    references = [[stored_passes(100 + 10 * frame + part) for part in range(halves)] for frame in range(2)]
+    shot_file.save(target, takes, references, {"seed": 50001, "spp": [4, 1, 32]})
+    return takes, references
+
+
+def test_a_shots_file_gives_back_takes_and_halves(tmp_path: Path) -> None:
+    takes, references = stored_shot(tmp_path / "050001.npz")
+    shot = read_shot(tmp_path / "050001.npz")
+    assert [take.spp for take in shot.takes] == [4, 1, 32]
+    assert (shot.spp, shot.seed, shot.centre) == (4, 50001, 3)
+    inner = np.s_[1:]  # the first row has what cannot be kept
+    for number, take in enumerate(takes):
+        of = shot.of_take(number)
+        assert of.takes == [shot.takes[number]]
+        assert of.spp == shot.takes[number].spp
+        for frame, passes in enumerate(take):
+            for name, image, close in (
+                ("color", of.colour, 2e-3),
+                ("albedo", of.albedo, 3e-3),
+                ("normal", of.normal, 5e-3),
+                ("depth", of.depth, 2e-3),
+            ):
+                assert np.abs(np.moveaxis(image[frame].numpy(), 0, -1)[inner] - passes[name][inner]).max() < close, name
+            assert of.depth[frame, 0, 0].abs().max() == 0, "background is 0"
+            assert of.colour[frame, :, 0, 0].tolist() == [65024] * 3
+            assert of.colour[frame, :, 0, 1].tolist() == [0] * 3
+    for frame, passes in enumerate(takes[0]):
+        assert np.abs(np.moveaxis(shot.vector[frame].numpy(), 0, -1) - passes["vector"]).max() <= 0.5 / 128
+    assert sorted(shot.halves) == sorted(shot.references) == [2, 3]
+    for frame, parts in ((3, references[0]), (2, references[1])):
+        for half, passes in zip(shot.halves[frame], parts, strict=True):
+            assert np.abs(np.moveaxis(half.numpy(), 0, -1)[inner] - passes["color"][inner]).max() < 5e-4
+        torch.testing.assert_close(shot.references[frame], shot.halves[frame].mean(0))
+
+
+def test_a_reference_that_is_one_render_has_no_halves(tmp_path: Path) -> None:
+    stored_shot(tmp_path / "050001.npz", halves=1)
+    shot = read_shot(tmp_path / "050001.npz")
+    assert shot.halves == {}
+    assert sorted(shot.references) == [2, 3]
+
+
+@pytest.mark.parametrize("count", [5, 7])
+def test_shots_of_the_first_format_are_read(tmp_path: Path, count: int) -> None:
+    r = np.random.default_rng(1)
+    image = lambda *shape: r.random((*shape, ROWS, COLUMNS, 3)).astype(np.float16)
+    depth = r.random((count, ROWS, COLUMNS)).astype(np.float16)
+    depth[:, 0] = 65000
+    arrays = {
+        "color": image(count),
+        "albedo": (image(count) * 255).astype(np.uint8),
+        "normal": (image(count) * 127).astype(np.int8),
+        "ref": image(),
+    }
+    arrays |= {"depth": depth, "vector": r.random((count, ROWS, COLUMNS, 4)).astype(np.float16)} | (
+        {"ref_before": image()} if count == 7 else {}
+    )
+    np.savez_compressed(tmp_path / "001001.npz", meta=json.dumps({"seed": 1001, "spp": 3}), **arrays)
+    shot = read_shot(tmp_path / "001001.npz")
+    same = lambda tensor, array: np.array_equal(np.moveaxis(tensor.numpy(), -3, -1), array.astype(np.float32))
+    assert same(shot.colour, arrays["color"])
+    assert same(shot.vector, arrays["vector"])
+    assert same(shot.reference, arrays["ref"])
+    assert np.array_equal(shot.depth[:, 0, 1:].numpy(), depth[:, 1:].astype(np.float32))
+    assert shot.depth[:, 0, 0].abs().max() == 0, "Blender 5.2's background, clamped, is background"
+    assert (shot.spp, len(shot.takes), shot.halves) == (3, 1, {})
+    assert sorted(shot.references) == ([2, 3] if count == 7 else [2])
+
+
+@pytest.mark.parametrize("bits", [np.float16, np.int16])
+def test_planes_of_bytes_lose_nothing(bits: type[np.generic]) -> None:
+    every = np.arange(1 << 16, dtype=np.uint16).view(bits).reshape(2, 1 << 15)
+    assert shot_file.whole(shot_file.planes(every), bits).tobytes() == every.tobytes()
+
+
+def test_a_pack_is_cut_into_pieces_with_their_checksums(tmp_path: Path) -> None:
+    data = np.random.default_rng(1).bytes(2500)
+    with Chunks(tmp_path, 1000) as pieces:
+        for start in range(0, len(data), 700):
+            pieces.write(data[start : start + 700])
+    names = sorted(path.name for path in tmp_path.glob("pack.0*"))
+    assert [(tmp_path / name).stat().st_size for name in names] == [1000, 1000, 500]
+    assert b"".join((tmp_path / name).read_bytes() for name in names) == data
+    lines = [line.split("  ") for line in (tmp_path / "pack.sha256").read_text().splitlines()]
+    assert lines == [[hashlib.sha256((tmp_path / name).read_bytes()).hexdigest(), name] for name in names]
+
+
+def write_or_die(job: str) -> str:
+    """A job of the next test: its file, or the end of its process."""
+    folder, number = job.rsplit("/", 1)
+    if number == "2":
+        os._exit(3)
+    if number == "4":
+        raise ValueError(number)
+    Path(folder, number).write_text(str(os.getpid()))
+    return number
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_a_process_that_dies_costs_its_job_only(tmp_path: Path, capfd: pytest.CaptureFixture[str], count: int) -> None:
+    jobs: Sequence[str] = [f"{tmp_path}/{number}" for number in range(8)]
+    lost = run_all(write_or_die, jobs, count)
+    assert sorted(lost) == [jobs[2], jobs[4]]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["0", "1", "3", "5", "6", "7"]
+    said = capfd.readouterr()
+    assert sorted(said.out.split()) == ["0", "1", "3", "5", "6", "7"]
+    assert f"died at {jobs[2]} (exit code 3)" in said.err
+    assert f"died at {jobs[4]} (exit code 1)" in said.err
+    assert len({path.read_text() for path in tmp_path.iterdir()}) >= min(count, 2)

@@ -1,6 +1,7 @@
 """Leaves parts of trained weights out, one at a time, and scores what is left on the validation shots.
 
     python -m training.benchmark.ablate runs/first/checkpoint.pt --shots runs/shots
+    python -m training.benchmark.ablate models/hush.safetensors --shots runs/shots
 
 Nothing is trained again, so a part's line says how much the network leans on it, and is the most that training without it could lose.
 Prints a table: SMAPE, SMAPE of means over 4×4 pixels and relMSE at ±2 and 0, as shares of the whole network's (geometric means over
@@ -25,7 +26,7 @@ from training.data.shots import OFFSETS, Shot, read_split
 from training.network import fused
 from training.network.loss import rel_mse, smape
 from training.network.model import Hush, Residual
-from training.network.train import averaged, collate
+from training.network.weights_file import Trained
 
 Batch = dict[str, Tensor]
 EXTRA_NAMES = {"albedo difference": (1, 2, 3), "depth difference": (4,), "agreement of the vectors": (5,), "distance in frames": (6,)}
@@ -75,7 +76,7 @@ def coarse_taps(net: Hush, finest: bool) -> None:
 
 
 def neighbour_taps(net: Hush) -> None:
-    for layer in (net.pair_half_head, net.pair_quarter_head, net.pair_eighth_head):
+    for layer in (net.pair_half_head, net.pair_quarter_head, *([net.pair_eighth_head] if net.arch.levels > 3 else [])):
         silence(layer, range(layer.out_channels))
 
 
@@ -136,15 +137,14 @@ def parts(net: Hush) -> list[Part]:
 
 
 @torch.no_grad()
-def scores(weights: Batch, part: Part, shots: list[Shot], offsets: tuple[int, ...]) -> Tensor:
+def scores(trained: Trained, part: Part, shots: list[Shot], offsets: tuple[int, ...]) -> Tensor:
     """(shots, 3): SMAPE, that of blocks, relMSE."""
-    net = Hush()
-    net.load_state_dict(weights)
+    net = trained.network()
     net.average = fused.average
     part.network(net)
     found = []
     for shot in shots:
-        batch = collate([prepare(shot, offsets, part.guides)])
+        batch = {name: value[None] for name, value in prepare(shot, offsets, part.guides).items()}
         part.batch(batch)
         gain = batch["gain"].view(-1, 1, 1, 1)
         image, reference = net(batch, torch.ones(1))["image"] * gain, batch["reference"] * gain
@@ -155,17 +155,17 @@ def scores(weights: Batch, part: Part, shots: list[Shot], offsets: tuple[int, ..
 
 def main() -> None:
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    p.add_argument("checkpoint", type=Path)
+    p.add_argument("weights", type=Path, help="a weights file or a checkpoint, of any architecture")
     p.add_argument("--shots", type=Path, nargs="+", required=True, help="folders of shots; measures on their validation split")
     p.add_argument("--threads", type=int, default=1)
     a = p.parse_args()
     torch.set_num_threads(a.threads)
-    weights, (_, held) = averaged(a.checkpoint), read_split(a.shots)
+    trained, (_, held) = Trained.read(a.weights), read_split(a.shots)
     windows = (OFFSETS, ())
-    whole = [scores(weights, Part("nothing"), held, offsets) for offsets in windows]
+    whole = [scores(trained, Part("nothing"), held, offsets) for offsets in windows]
     rows = []
-    for part in parts(Hush()):
-        shares = [scores(weights, part, held, offsets) / base for offsets, base in zip(windows, whole, strict=True)]
+    for part in parts(Hush(trained.architecture)):
+        shares = [scores(trained, part, held, offsets) / base for offsets, base in zip(windows, whole, strict=True)]
         rows.append([part.name, *(f"{math.exp(x):.3f}" for share in shares for x in share.log().mean(0).tolist())])
         print(*rows[-1], flush=True)
     print(table(["left out", "±2: SMAPE", "blocks", "relMSE", "0: SMAPE", "blocks", "relMSE"], rows))

@@ -2,7 +2,7 @@
 
     python -m training.benchmark.validate_hush --shots runs/shots --hush target/release/hush
 
-Scores are computed as `training.network.train.validate` does; the table goes to standard output.
+Scores are computed as `training.network.measure` does; the table goes to standard output.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
     python -m training.benchmark.validate_oidn --shots runs/shots > runs/oidn.json
 
 Three rows a shot: `oidn_clean_aux`, as Cycles runs it, first filters the albedo and the normal, each by itself, and says so with
-cleanAux; `oidn_high` and `oidn_fast` take them as rendered. Scores are computed as `training.network.train.validate` does. A markdown
+cleanAux; `oidn_high` and `oidn_fast` take them as rendered. Scores are computed as `training.network.measure` does. A markdown
 table goes to stderr, the numbers of every shot go to stdout as JSON. Needs pyoidn.
 """
 

@@ -1,9 +1,12 @@
 """Where a pixel of the centre frame lies in its neighbours: chained motion vectors, trust and warping.
 
-The Rust core's `network/warp.rs` follows this file. Positions are (column, row) in pixels of the source frame, rows down.
+The Rust core's `network/warp.rs` follows this file. Positions are (column, row) in pixels of the source frame, rows down. `…` stands for
+any leading dimensions: none for one shot, B for a batch on any device.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import torch
 import torch.nn.functional as F
@@ -22,72 +25,81 @@ def displacements(vector: Tensor) -> tuple[Tensor, Tensor]:
     return torch.stack((x, -y), -3), torch.stack((-z, w), -3)
 
 
-def grid(h: int, w: int) -> Tensor:
-    rows, columns = torch.meshgrid(torch.arange(h, dtype=torch.float32), torch.arange(w, dtype=torch.float32), indexing="ij")
+def grid(h: int, w: int, device: torch.device | None = None) -> Tensor:
+    steps = lambda n: torch.arange(n, dtype=torch.float32, device=device)
+    rows, columns = torch.meshgrid(steps(h), steps(w), indexing="ij")
     return torch.stack((columns, rows))
 
 
 def inside(position: Tensor) -> Tensor:
-    """(2, H, W) positions to (H, W) booleans: within the frame's pixel area, finite."""
+    """(…, 2, H, W) positions to (…, H, W) booleans: within the frame's pixel area, finite."""
     h, w = position.shape[-2:]
-    x, y = position[0], position[1]
+    x, y = position.unbind(-3)
     return (x >= -0.5) & (x <= w - 0.5) & (y >= -0.5) & (y <= h - 0.5)
 
 
 def advance(position: Tensor, displacement: Tensor) -> Tensor:
-    """Follow one frame's displacements (2, H, W) from each position, read at the nearest pixel."""
+    """Follow one frame's displacements (…, 2, H, W) from each position, read at the nearest pixel."""
     h, w = displacement.shape[-2:]
-    x = (position[0] + 0.5).floor().nan_to_num(0.0).clamp(0, w - 1).long()
-    y = (position[1] + 0.5).floor().nan_to_num(0.0).clamp(0, h - 1).long()
-    return position + displacement[:, y, x]
+    x, y = (position + 0.5).floor().nan_to_num(0.0).unbind(-3)
+    index = y.clamp(0, h - 1).long() * w + x.clamp(0, w - 1).long()
+    read = displacement.flatten(-2).gather(-1, index.flatten(-2).unsqueeze(-2).expand(*displacement.shape[:-2], -1))
+    return position + read.view_as(displacement)
 
 
 def chain(vectors: dict[int, Tensor], offset: int) -> Chain:
-    """Positions in frame t+offset, trust, and how far the way back misses its start (pixels, at most AGREEMENT_LIMIT).
+    """Positions (…, 2, H, W) in frame t+offset, trust (…, H, W), and how far the way back misses its start (pixels, at most
+    AGREEMENT_LIMIT), (…, H, W).
 
-    vectors: frame offset → Vector pass (4, H, W).
+    vectors: frame offset → Vector pass (…, 4, H, W).
     """
     step = 1 if offset > 0 else -1
     h, w = vectors[0].shape[-2:]
-    start = grid(h, w)
+    start = grid(h, w, vectors[0].device)
     position = start
-    trust = torch.ones(h, w, dtype=torch.bool)
+    trust = torch.ones_like(vectors[0][..., 0, :, :], dtype=torch.bool)
     for k in range(0, offset, step):
         back, forth = displacements(vectors[k])
-        position = advance(position, forth if step > 0 else back)
+        position = advance(position.expand_as(back), forth if step > 0 else back)
         trust &= inside(position)
     home = position
     for k in range(offset, 0, -step):
         back, forth = displacements(vectors[k])
         home = advance(home, back if step > 0 else forth)
-    miss = (home - start).abs().amax(0).nan_to_num(AGREEMENT_LIMIT).clamp(max=AGREEMENT_LIMIT)
+    miss = (home - start).abs().amax(-3).nan_to_num(AGREEMENT_LIMIT).clamp(max=AGREEMENT_LIMIT)
     return position, trust, miss
 
 
-def exposure(colour: Tensor, valid: Tensor) -> float:
+def exposure(colour: Tensor, valid: Tensor) -> Tensor:
     """The scale that brings a frame's log-average luminance, over 16×16 blocks, to 0.18; 1 for a black frame.
 
-    colour (3, H, W) sanitised; valid (H, W) in {0, 1}. After OIDN's auto-exposure, with a threshold relative to the frame. A block
-    counts at most FIREFLY times what the steadiest light in the frame has: the most that a block has in each of its 4×4 parts.
+    colour (…, 3, H, W) sanitised; valid (…, 1, H, W) in {0, 1}; returns (…). After OIDN's auto-exposure, with a threshold relative to
+    the frame. A block counts at most FIREFLY times what the steadiest light in the frame has: the most that a block has in each of its
+    4×4 parts.
     """
-    luminance = (0.2126 * colour[0] + 0.7152 * colour[1] + 0.0722 * colour[2]) * valid
-    h, w = luminance.shape
-    padded = F.pad(torch.stack((luminance, valid))[:, None], (0, -w % 16, 0, -h % 16)).double()
-    means = lambda size: (lambda sums: sums[0] / sums[1].clamp_min(1e-9))(F.avg_pool2d(padded, size))
-    counted = F.avg_pool2d(padded[1], 4) > 0
+    h, w = colour.shape[-2:]
+    red, green, blue = colour.unbind(-3)
+    luminance = (0.2126 * red + 0.7152 * green + 0.0722 * blue).unsqueeze(-3) * valid
+    precise = torch.float32 if colour.device.type == "mps" else torch.float64
+    padded = F.pad(torch.cat((luminance, valid), -3).reshape(-1, 2, h, w), (0, -w % 16, 0, -h % 16)).to(precise)
+    means = lambda size: (lambda sums: sums[:, :1] / sums[:, 1:].clamp_min(1e-9))(F.avg_pool2d(padded, size))
+    counted = F.avg_pool2d(padded[:, 1:], 4) > 0
     least = -F.max_pool2d(-torch.where(counted, means(4), torch.inf), 4)
-    steady = float(torch.where(least.isfinite(), least, 0.0).max())
-    mean = means(16).clamp(max=FIREFLY * steady if steady > 0 else torch.inf)
-    lit = mean[mean > mean.max() * 1e-6]
-    if lit.numel() == 0:
-        return 1.0
-    return float(0.18 / torch.exp2(torch.log2(lit).mean()))
+    steady = torch.where(least.isfinite(), least, 0.0).flatten(1).amax(1, keepdim=True)
+    mean = torch.minimum(means(16).flatten(1), torch.where(steady > 0, FIREFLY * steady, torch.inf))
+    lit = mean > mean.amax(1, keepdim=True) * 1e-6
+    average = torch.where(lit, mean, 1.0).log2().sum(1) / lit.sum(1).clamp_min(1)
+    return torch.where(lit.any(1), 0.18 / torch.exp2(average), 1.0).float().reshape(colour.shape[:-3])
 
 
-def depth_scale(depth: Tensor, valid: Tensor) -> float:
-    """One over the mean of a frame's valid depths in front of the background (0 < depth < 1e9); 1 where there are none."""
-    front = depth[(depth > 0) & (depth < 1e9) & (valid > 0)]
-    return float(1.0 / front.mean()) if front.numel() else 1.0
+def depth_scale(depth: Tensor, valid: Tensor) -> Tensor:
+    """One over the mean of a frame's valid depths in front of the background (0 < depth < 1e9); 1 where there are none.
+
+    depth, valid (…, 1, H, W); returns (…).
+    """
+    front = ((depth > 0) & (depth < 1e9) & (valid > 0)).flatten(-3)
+    total = torch.where(front, depth.flatten(-3), 0.0).sum(-1)
+    return torch.where(front.any(-1), front.sum(-1) / total.clamp_min(1e-30), 1.0)
 
 
 def warped(source: Tensor, position: Tensor) -> Tensor:
@@ -99,33 +111,38 @@ def warped(source: Tensor, position: Tensor) -> Tensor:
     return F.grid_sample(source.float(), grid, mode="bilinear", padding_mode="border", align_corners=True).to(source.dtype)
 
 
-def neighbour(
-    path: Chain, offset: int, colour: Tensor, albedo: Tensor, depth: Tensor, valid: Tensor, centre: tuple[Tensor, Tensor]
+def neighbours(
+    paths: Sequence[Chain],
+    offsets: Sequence[int],
+    colour: Tensor,
+    albedo: Tensor,
+    depth: Tensor,
+    valid: Tensor,
+    centre: tuple[Tensor, Tensor],
 ) -> dict[str, Tensor]:
-    """One neighbour, seen from the centre frame.
+    """K ≥ 1 neighbours, seen from the centre frame.
 
-    path: `chain` to it; colour (3, H, W) demodulated, albedo (3, H, W) plus ε as used to demodulate, depth (1, H, W) scaled, valid
-    (1, H, W): the neighbour's; centre: the centre frame's albedo and depth. Returns warped `colour`, `albedo`, `valid` at full resolution,
-    `position` (2, h, w) and `extras` (EXTRAS, h, w) at half resolution.
+    paths: `chain` to each; colour (…, K, 3, H, W) demodulated, albedo (…, K, 3, H, W) plus ε as used to demodulate, depth
+    (…, K, 1, H, W) scaled, valid (…, K, 1, H, W): the neighbours'; centre: the centre frame's albedo (…, 3, H, W) and depth. Returns
+    warped `colour`, `albedo`, `valid` at full resolution, `position` (…, K, 2, h, w) and `extras` (…, K, EXTRAS, h, w) at half.
     """
-    position, trust, miss = path
+    position, trust, miss = (torch.stack(parts, dim) for parts, dim in zip(zip(*paths, strict=True), (-4, -3, -3), strict=True))
+    lead, (h, w) = trust.shape[:-2], trust.shape[-2:]
     safe = position.nan_to_num(0.0)
-    source = torch.cat((colour, albedo, depth, 1.0 - valid))[None]
-    sampled = warped(source, safe[None])[0]
-    trusted = (trust & (sampled[7] == 0)).float()[None]
+    source = torch.cat((colour, albedo, depth, 1.0 - valid), -3)
+    sampled = warped(source.reshape(-1, 8, h, w), safe.reshape(-1, 2, h, w)).view(*lead, 8, h, w)
+    trusted = (trust & (sampled[..., 7, :, :] == 0)).float().unsqueeze(-3)
     sampled = sampled * trusted
-    a0, z0 = centre
-    albedo_miss = (sampled[3:6] - a0).abs() * trusted
-    depth_miss = (torch.log1p(sampled[6:7]) - torch.log1p(z0)).abs().clamp(max=1.0) * trusted
-    distance = torch.full_like(trusted, abs(offset) / 2)
-    maps = torch.cat((trusted, albedo_miss, depth_miss, miss[None] / AGREEMENT_LIMIT * trusted, distance))
-    h, w = trusted.shape[-2:]
-    start = grid(h // 2, w // 2)
-    half = start + (safe - grid(h, w))[:, ::2, ::2] * 0.5
+    a0, z0 = (x.unsqueeze(-4) for x in centre)
+    albedo_miss = (sampled[..., 3:6, :, :] - a0).abs() * trusted
+    depth_miss = (torch.log1p(sampled[..., 6:7, :, :]) - torch.log1p(z0)).abs().clamp(max=1.0) * trusted
+    distance = torch.cat([torch.full_like(trusted[..., :1, :, :, :], abs(k) / 2) for k in offsets], -4)
+    maps = torch.cat((trusted, albedo_miss, depth_miss, miss.unsqueeze(-3) / AGREEMENT_LIMIT * trusted, distance), -3)
+    moved = (safe - grid(h, w, safe.device))[..., ::2, ::2]
     return {
-        "colour": sampled[:3],
-        "albedo": sampled[3:6],
+        "colour": sampled[..., :3, :, :],
+        "albedo": sampled[..., 3:6, :, :],
         "valid": trusted,
-        "position": half,
-        "extras": F.avg_pool2d(maps[None], 2)[0],
+        "position": grid(h // 2, w // 2, safe.device) + moved * 0.5,
+        "extras": F.avg_pool2d(maps.reshape(-1, EXTRAS, h, w), 2).view(*lead, EXTRAS, h // 2, w // 2),
     }

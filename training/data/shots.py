@@ -1,32 +1,43 @@
-"""Reads the rendered shots, draws the line between training and validation, and turns shots round."""
+"""Reads the rendered shots and draws the line between training and validation."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from training.data.geometry import Chain, chain
+from training.shots.shot_file import load
 
 OFFSETS = (-1, 1, -2, 2)
 FARTHEST = 3
 
 
 @dataclass
+class Take:
+    """A shot's frames with noise of their own: samples a pixel, and what the renderer gave for them, as in `Shot`."""
+
+    spp: int
+    colour: Tensor
+    albedo: Tensor
+    normal: Tensor
+    depth: Tensor
+
+
+@dataclass
 class Shot:
-    """The n frames of a shot, 5 or 7.
+    """The n frames of a shot, 5 or 7; or of a batch of shots, with a leading dimension B in every tensor and spp (B,).
 
     colour, albedo, normal (n, 3, H, W), depth (n, 1, H, W), vector (n, 4, H, W); references: frame → (3, H, W), the middle one and
-    in some shots the one before; paths: (frame, offset) → `geometry.chain`, filled when they are wanted.
+    in some shots the one before. takes: the same frames with other noise, of which the first is what colour, albedo, normal, depth and
+    spp are; none in shots made by hand. halves: frame → (2, 3, H, W), two independent renders of which the reference is the mean, where
+    there are two.
     """
 
     seed: int
-    spp: int
+    spp: int | Tensor
     colour: Tensor
     albedo: Tensor
     normal: Tensor
@@ -34,45 +45,51 @@ class Shot:
     vector: Tensor
     references: dict[int, Tensor]
     meta: dict[str, object] = field(default_factory=dict)
-    paths: dict[tuple[int, int], Chain] = field(default_factory=dict)
+    takes: list[Take] = field(default_factory=list)
+    halves: dict[int, Tensor] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return self.depth.shape[-4]
 
     @property
     def centre(self) -> int:
-        return len(self.depth) // 2
+        return len(self) // 2
 
     @property
     def reference(self) -> Tensor:
         return self.references[self.centre]
 
-    def path(self, frame: int, offset: int) -> Chain:
-        """Where frame's pixels lie in frame + offset."""
-        if (frame, offset) not in self.paths:
-            vectors = {k - frame: self.vector[k] for k in range(len(self.vector))}
-            self.paths[frame, offset] = chain(vectors, offset)
-        return self.paths[frame, offset]
-
     def window(self, frame: int, reach: int = FARTHEST) -> list[int]:
         """The offsets of the frame's neighbours that the shot has, at most `reach` away."""
-        return [k for k in range(-reach, reach + 1) if k != 0 and 0 <= frame + k < len(self.depth)]
+        return [k for k in range(-reach, reach + 1) if k != 0 and 0 <= frame + k < len(self)]
+
+    def of_take(self, number: int) -> Shot:
+        """The shot with the frames of one of its takes, and that take alone."""
+        t = self.takes[number]
+        return replace(self, spp=t.spp, colour=t.colour, albedo=t.albedo, normal=t.normal, depth=t.depth, takes=[t])
 
 
 def read_shot(path: Path) -> Shot:
-    with np.load(path) as z:
-        meta = json.loads(str(z["meta"]))
-        image = lambda name: torch.from_numpy(np.moveaxis(z[name].astype(np.float32), -1, -3).copy())
-        middle = len(z["depth"]) // 2
-        references = {middle: image("ref")} | ({middle - 1: image("ref_before")} if "ref_before" in z else {})
-        return Shot(
-            seed=meta["seed"],
-            spp=meta["spp"],
-            colour=image("color"),
-            albedo=image("albedo") / 255.0,
-            normal=image("normal") / 127.0,
-            depth=torch.from_numpy(z["depth"].astype(np.float32))[:, None],
-            vector=image("vector"),
-            references=references,
-            meta=meta,
-        )
+    """Reads a shot of any format (`training/shots/shot_file.py`)."""
+    stored = load(path)
+    tensor = lambda a: torch.from_numpy(a.copy())
+    takes = [Take(t.spp, tensor(t.color), tensor(t.albedo), tensor(t.normal), tensor(t.depth)[:, None]) for t in stored.takes]
+    middle = len(stored.vector) // 2
+    halves = {middle - k: tensor(parts) for k, parts in enumerate(stored.halves)}
+    t = takes[0]
+    return Shot(
+        seed=stored.meta["seed"],
+        spp=t.spp,
+        colour=t.colour,
+        albedo=t.albedo,
+        normal=t.normal,
+        depth=t.depth,
+        vector=tensor(stored.vector),
+        references={frame: parts.mean(0) for frame, parts in halves.items()},
+        meta=stored.meta,
+        takes=takes,
+        halves={frame: parts for frame, parts in halves.items() if len(parts) == 2},
+    )
 
 
 def is_held(path: Path) -> bool:
@@ -88,31 +105,3 @@ def read_split(folders: Sequence[Path]) -> tuple[list[Shot], list[Shot]]:
     """Training shots and validation shots of some folders."""
     paths = shot_paths(folders)
     return [read_shot(p) for p in paths if not is_held(p)], [read_shot(p) for p in paths if is_held(p)]
-
-
-def oriented(shot: Shot, flip_x: bool, flip_y: bool, transpose: bool) -> Shot:
-    """The shot mirrored; normals (camera space, y up), vectors (y up) and paths turn with the image."""
-    images = [shot.colour, shot.albedo, shot.depth, shot.normal, shot.vector, *shot.references.values()]
-    paths = dict(shot.paths)
-    high, wide = shot.depth.shape[-2] - 1.0, shot.depth.shape[-1] - 1.0
-    for wanted, dims in ((flip_x, -1), (flip_y, -2)):
-        if not wanted:
-            continue
-        images = [torch.flip(x, (dims,)) for x in images]
-        axis = -1 - dims
-        images[3][:, axis] *= -1
-        images[4][:, axis] *= -1
-        images[4][:, axis + 2] *= -1
-        for key, path in paths.items():
-            position, trust, miss = (torch.flip(x, (dims,)) for x in path)
-            position[axis] = (wide, high)[axis] - position[axis]
-            paths[key] = position, trust, miss
-    if transpose:
-        images = [x.transpose(-1, -2) for x in images]
-        n, v = images[3], images[4]
-        images[3] = torch.stack((-n[:, 1], -n[:, 0], n[:, 2]), 1)
-        images[4] = torch.stack((-v[:, 1], -v[:, 0], -v[:, 3], -v[:, 2]), 1)
-        paths = {k: (p.transpose(-1, -2).flip(0), t.transpose(-1, -2), m.transpose(-1, -2)) for k, (p, t, m) in paths.items()}
-    colour, albedo, depth, normal, vector, *references = images
-    turned = dict(zip(shot.references, references, strict=True))
-    return Shot(shot.seed, shot.spp, colour, albedo, normal, depth, vector, turned, shot.meta, paths)

@@ -2,7 +2,7 @@
 
     python -m training.encoder.measure --weights models/hush.safetensors --shots runs/mitsuba
 
-SMAPE and relMSE of the middle frames at λ 1, as `training.network.train.validate` computes them; a table on standard output.
+SMAPE and relMSE of the middle frames at λ 1, as `training.network.measure` computes them; a table on standard output.
 """
 
 from __future__ import annotations
@@ -18,9 +18,8 @@ from training.benchmark.tables import METHODS, validation_table
 from training.benchmark.validate_oidn import denoised
 from training.data.inputs import prepare
 from training.data.shots import OFFSETS, read_split
-from training.encoder.train import WeightsFile
 from training.network.loss import rel_mse, smape
-from training.network.train import collate
+from training.network.weights_file import WeightsFile
 
 
 @torch.no_grad()
@@ -39,7 +38,7 @@ def main() -> None:
         for shot in held:
             images: dict[str, Tensor] = {METHODS[name]: image for name, image in denoised(device, shot).items()}
             for window, offsets in ((0, ()), (2, OFFSETS)):
-                batch = collate([prepare(shot, offsets)])
+                batch = {name: value[None] for name, value in prepare(shot, offsets).items()}
                 for name, net in nets.items():
                     images[f"Hush, window {window}, {name} encoder"] = net(batch, torch.ones(1))["image"][0]
             target = prepare(shot, ())

@@ -10,93 +10,26 @@ encoders on the validation shots and adds the new one to the weights file, `--wr
 from __future__ import annotations
 
 import argparse
-import hashlib
 import json
 import math
 import os
-import random
 import time
-from copy import copy
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import torch
-from safetensors import safe_open
-from safetensors.torch import save_file
-from torch import Tensor
 from torch.optim import AdamW
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
-from training.data.shots import OFFSETS, Shot, read_split
+from training.data.batches import Batches, Recipe
+from training.data.resident import Resident
+from training.data.shots import Shot, read_split
 from training.network import fused
-from training.network.model import Architecture, Hush
-from training.network.train import TEMPORAL, batch_of, keep_memory, objective, validate
-
-FIRST = "cycles"
-
-
-@dataclass
-class WeightsFile:
-    """A weights file as it is on disk: its tensors bit by bit, and its header."""
-
-    tensors: dict[str, Tensor]
-    header: dict[str, str]
-
-    @staticmethod
-    def read(path: Path) -> WeightsFile:
-        with safe_open(path, "pt") as file:
-            return WeightsFile({key: file.get_tensor(key) for key in file.keys()}, dict(file.metadata()))  # noqa: SIM118
-
-    def renderers(self) -> list[str]:
-        return json.loads(self.header.get("hush.encoders", json.dumps([FIRST])))
-
-    def network(self, renderer: str = "") -> Hush:
-        """The network with the encoder of a renderer, the first one's where it is empty."""
-        net = Hush(Architecture(**json.loads(self.header["hush.architecture"])))
-        own = {k: v.float() for k, v in self.tensors.items() if not k.startswith("encoders.")}
-        if renderer and renderer != self.renderers()[0]:
-            prefix = f"encoders.{renderer}."
-            own |= {f"encoder.{k.removeprefix(prefix)}": v.float() for k, v in self.tensors.items() if k.startswith(prefix)}
-        net.load_state_dict(own)
-        return net.eval()
-
-    def fingerprint(self) -> str:
-        """Of all but the further encoders."""
-        own = sorted(k for k in self.tensors if not k.startswith("encoders."))
-        return hashlib.sha256(b"".join(self.tensors[k].numpy().tobytes() for k in own)).hexdigest()
-
-    def add(self, renderer: str, encoder: dict[str, Tensor], record: dict[str, dict[str, object]]) -> None:
-        """Puts in another encoder, or in place of the one of that name; `record` is what goes beside it in the header."""
-        tensors = {k: v for k, v in self.tensors.items() if not k.startswith(f"encoders.{renderer}.")}
-        self.tensors = tensors | {f"encoders.{renderer}.{k}": v for k, v in encoder.items()}
-        others = [name for name in self.renderers() if name != renderer]
-        self.header["hush.encoders"] = json.dumps([*others, renderer])
-        self.header |= {f"hush.{part}.{renderer}": json.dumps(about) for part, about in record.items()}
-
-    def write(self, path: Path) -> None:
-        aside = path.with_suffix(".part")
-        save_file(self.tensors, aside, metadata=self.header)
-        os.replace(aside, path)
-
-
-def rotation(r: random.Random) -> Tensor:
-    """A random rotation: of any kind, or about the y axis."""
-    if r.random() < 0.5:
-        angle = r.uniform(0, 2 * math.pi)
-        c, s = math.cos(angle), math.sin(angle)
-        return torch.tensor([[c, 0, s], [0, 1, 0], [-s, 0, c]])
-    w, x, y, z = (r.gauss(0, 1) for _ in range(4))
-    q = torch.tensor([w, x, y, z]) / math.hypot(w, x, y, z)
-    w, v = q[0], q[1:]
-    cross = torch.tensor([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
-    return torch.eye(3) + 2 * w * cross + 2 * cross @ cross
-
-
-def turned(shot: Shot, r: random.Random) -> Shot:
-    """The shot in a world that is turned: normals in world space may point anywhere."""
-    shot = copy(shot)
-    shot.normal = torch.einsum("ij,tjhw->tihw", rotation(r), shot.normal)
-    return shot
+from training.network.measure import everything, scores
+from training.network.model import Hush
+from training.network.objective import objective
+from training.network.train import keep_memory
+from training.network.weights_file import WeightsFile
 
 
 @dataclass
@@ -133,17 +66,17 @@ class Run:
 
 def train(run: Run, shots: list[Shot], a: argparse.Namespace) -> None:
     """Trains the encoder for as long as is left of `--minutes`."""
-    r = random.Random(run.step + 31)
+    resident = Resident(torch.device("cpu"))
+    resident.add(shots)
+    batches = Batches(resident, Recipe(outputs=a.batch, turned=a.normals == "world"), run.step + 31)
     begun, running = time.monotonic() - run.spent, None
     while (spent := time.monotonic() - begun) < a.minutes * 60:
         done = spent / (a.minutes * 60)
         rate = a.rate * min(1.0, (run.step + 1) / 100) * max(0.005, 0.5 * (1 + math.cos(math.pi * done)))
         for group in run.optimiser.param_groups:
             group["lr"] = rate
-        some = r.sample(shots, min(len(shots), 2 * a.batch))
-        batch = batch_of(r, [turned(shot, r) for shot in some] if a.normals == "world" else some, a.batch)
         with torch.autocast("cpu", torch.bfloat16, enabled=a.bf16):
-            loss = objective(run.net, *batch, TEMPORAL)
+            loss = objective(run.net, batches.draw())
         run.optimiser.zero_grad(set_to_none=True)
         loss.backward()
         if torch.isfinite(torch.nn.utils.clip_grad_norm_(run.net.encoder.parameters(), 1.0)):
@@ -194,11 +127,13 @@ def main() -> None:
     run.resume()
     train(run, shots, a)
     encoder = {k: v.to(torch.float16).contiguous() for k, v in mean.module.state_dict().items()}
+    resident = Resident(torch.device("cpu"))
+    resident.add(held)
     measured: dict[str, object] = {"seeds": [s.seed for s in held]}
     for who, tensors in ((f"{file.renderers()[0]}_encoder_", file.network().encoder.state_dict()), ("", encoder)):
         net.encoder.load_state_dict({k: v.float() for k, v in tensors.items()})
-        for window, offsets in ((2, OFFSETS), (0, ())):
-            measured[f"{who}smape_window_{window}"] = validate(net, held, offsets)
+        found = scores(net, everything(resident))
+        measured |= {f"{who}smape_window_{window}": found[f"smape_{window}"] for window in (2, 0)}
     training = {"steps": run.step, "seconds": round(run.spent), "seeds": [s.seed for s in shots]}
     file.add(a.renderer, encoder, {"training": training, "validation": measured})
     file.write(a.write or a.weights)

@@ -1,4 +1,4 @@
-"""Writes the averaged weights of checkpoints as the safetensors file that the Rust core embeds.
+"""Writes the averaged weights of checkpoints, and their architecture, as the safetensors file that the Rust core embeds.
 
     python -m training.network.export runs/first/checkpoint.pt --out models/hush.safetensors --shots runs/shots
 
@@ -14,9 +14,10 @@ from pathlib import Path
 import torch
 from safetensors.torch import save_file
 
-from training.data.shots import OFFSETS, is_held, read_shot, shot_paths
-from training.network.model import Architecture, Hush
-from training.network.train import averaged_of, mean_of, validate
+from training.data.resident import Resident
+from training.data.shots import is_held, shot_paths
+from training.network.measure import everything, scores
+from training.network.weights_file import Trained, mean_of
 
 
 def main() -> None:
@@ -24,18 +25,20 @@ def main() -> None:
     p.add_argument("checkpoints", type=Path, nargs="+")
     p.add_argument("--out", type=Path, required=True, help="the weights file")
     p.add_argument("--shots", type=Path, nargs="+", required=True, help="folders of shots; measures on their validation split")
+    p.add_argument("--device", default="cpu", choices=("cpu", "cuda", "mps"))
     p.add_argument("--threads", type=int, default=1)
     a = p.parse_args()
     torch.set_num_threads(a.threads)
     states = [torch.load(path, weights_only=True, map_location="cpu") for path in a.checkpoints]
-    net = Hush(Architecture())
-    tensors = {k: v.to(torch.float16).contiguous() for k, v in mean_of([averaged_of(state) for state in states]).items()}
-    net.load_state_dict({k: v.float() for k, v in tensors.items()})
-    net.eval()
-    held = [read_shot(path) for path in shot_paths(a.shots) if is_held(path)]
-    measured = {"smape_window_2": validate(net, held, OFFSETS), "smape_window_0": validate(net, held, ())}
+    mean = mean_of([Trained.of_checkpoint(state) for state in states])
+    tensors = {k: v.to(torch.float16).contiguous() for k, v in mean.weights.items()}
+    rounded = Trained(mean.architecture, {k: v.float() for k, v in tensors.items()})
+    held = Resident(torch.device(a.device))
+    held.read(path for path in shot_paths(a.shots) if is_held(path))
+    found = scores(rounded.network().to(held.device), everything(held))
+    measured = {"smape_window_2": found["smape_2"], "smape_window_0": found["smape_0"]}
     header = {
-        "hush.architecture": json.dumps(net.arch.header(), separators=(",", ":")),
+        "hush.architecture": json.dumps(mean.architecture.header(), separators=(",", ":")),
         "hush.training": json.dumps(
             {
                 "steps": sum(state["step"] for state in states),
@@ -43,7 +46,7 @@ def main() -> None:
                 "seeds": sorted({seed for state in states for seed in state["seeds"]}),
             }
         ),
-        "hush.validation": json.dumps({"seeds": [s.seed for s in held], **measured}),
+        "hush.validation": json.dumps({"seeds": held.seeds, **measured}),
     }
     save_file(tensors, a.out, metadata=header)
     print(json.dumps(measured), a.out.stat().st_size, "bytes")

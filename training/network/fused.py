@@ -1,6 +1,7 @@
-"""Kernel application for training on the CPU, in C++ (fused.cpp): the same function as the taps in PyTorch, in a tenth of the time.
+"""Kernel application for training, as one function with its gradient: in C++ on a CPU (fused.cpp), in CUDA on a GPU (apply.cu).
 
-Compiled with g++ on first use, beside the source, for this machine's processor.
+The same function as the taps in PyTorch (`model.kernel_average`), in a tenth of the time. Both are compiled on first use, for this
+machine: the C++ with g++, beside the source.
 """
 
 from __future__ import annotations
@@ -8,20 +9,25 @@ from __future__ import annotations
 import ctypes
 import os
 import subprocess
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
 import torch
 from torch import Tensor
 
+from training.network import cuda
+from training.network.model import kernel_average
+
 SOURCE = Path(__file__).with_suffix(".cpp")
+HEADER = SOURCE.with_name("tap.h")
 
 
 @cache
 def library() -> ctypes.CDLL:
     """The compiled library; SystemExit that names the compiler's message where it cannot be built."""
     built = Path(os.environ.get("HUSH_FUSED", SOURCE.with_name("fused_native.so")))
-    if not built.exists() or built.stat().st_mtime < SOURCE.stat().st_mtime:
+    if not built.exists() or built.stat().st_mtime < max(SOURCE.stat().st_mtime, HEADER.stat().st_mtime):
         aside = built.with_suffix(f".{os.getpid()}")
         compiled = aside.with_suffix(".o")
         # Two steps: linking with -ffast-math would switch denormals off for the whole process.
@@ -34,52 +40,79 @@ def library() -> ctypes.CDLL:
     return ctypes.CDLL(str(built))
 
 
-def call(name: str, sizes: tuple[int, ...], coarse_taps: int, images: Tensor, *arrays: Tensor | None) -> None:
-    """One function of the library; images (B, T, 3, H, W) gives the shape, `arrays` follow in the function's order, None as null."""
+def launch(name: str, sizes: Sequence[int], coarse_taps: int, images: Tensor, *arrays: Tensor) -> None:
+    """One function of the library, as `cuda.launch`."""
     b, t, _, h, w = images.shape
     for a in arrays:
-        assert a is None or (a.is_contiguous() and a.dtype == torch.float32)
+        assert a.is_contiguous() and a.dtype == torch.float32
     shape = [ctypes.c_ssize_t(n) for n in (b, t, h, w)]
-    pointers = [ctypes.c_void_p(None if a is None else a.data_ptr()) for a in arrays]
+    pointers = [ctypes.c_void_p(a.data_ptr() if a.numel() else None) for a in arrays]
     getattr(library(), name)(*shape, (ctypes.c_int * t)(*sizes), ctypes.c_int(coarse_taps), *pointers)
 
 
-class Apply(torch.autograd.Function):
-    """One softmax over all taps and its weighted average; gradients for the logits and the coarser level's colours."""
+def plain(*tensors: Tensor) -> list[Tensor]:
+    return [x.float().contiguous() for x in tensors]
 
-    @staticmethod
-    def forward(
-        ctx: torch.autograd.function.FunctionCtx,
-        logits: Tensor,
-        images: Tensor,
-        valid: Tensor,
-        colour: Tensor | None,
-        mask: Tensor | None,
-        queries: Tensor | None,
-        keys: Tensor | None,
-        sizes: tuple[int, ...],
-        coarse_taps: int,
-    ) -> tuple[Tensor, Tensor]:
-        plain = lambda x: None if x is None else x.float().contiguous()
-        logits, images, valid, queries, keys = (plain(x) for x in (logits, images, valid, queries, keys))
-        coarse = torch.zeros(0) if colour is None else torch.cat((colour, mask), 1).float().contiguous()
-        out, norm = torch.zeros_like(images[:, 0]).contiguous(), torch.zeros_like(valid[:, 0]).contiguous()
-        call("hush_apply", sizes, coarse_taps, images, logits, images, valid, coarse, queries, keys, out, norm)
-        ctx.save_for_backward(logits, images, valid, coarse, queries, keys, out, norm)
-        ctx.sizes, ctx.coarse_taps = sizes, coarse_taps
-        ctx.mark_non_differentiable(norm)
-        return out, norm
 
-    @staticmethod
-    def backward(ctx: torch.autograd.function.FunctionCtx, *gradients: Tensor) -> tuple[Tensor | None, ...]:
-        logits, images, valid, coarse, queries, keys, out, norm = ctx.saved_tensors
-        to_logits = torch.zeros_like(logits)
-        to_coarse = torch.zeros_like(coarse[:, :3]).contiguous() if ctx.coarse_taps else torch.zeros(0)
-        to_queries = None if queries is None else torch.zeros_like(queries)
-        pull = gradients[0].float().contiguous()
-        arrays = (logits, images, valid, coarse, queries, keys, out, norm, pull, to_logits, to_coarse, to_queries)
-        call("hush_apply_backward", ctx.sizes, ctx.coarse_taps, images, *arrays)
-        return to_logits, None, None, to_coarse if ctx.coarse_taps else None, None, to_queries, None, None, None
+@torch.library.custom_op("hush::kernel_average", mutates_args=())
+def apply(
+    logits: Tensor, images: Tensor, valid: Tensor, colour: Tensor, mask: Tensor, queries: Tensor, keys: Tensor,
+    sizes: list[int], coarse_taps: int,
+) -> tuple[Tensor, Tensor]:  # fmt: skip
+    """`model.kernel_average` with empty tensors for what is not there: the average and the sum of the weights."""
+    arrays = plain(logits, images, valid, colour, mask, queries, keys)
+    results = [torch.zeros_like(arrays[1][:, 0]), torch.zeros_like(arrays[2][:, 0])]
+    (cuda.launch if images.is_cuda else launch)("hush_apply", sizes, coarse_taps, images, *arrays, *results)
+    return results[0], results[1]
+
+
+@torch.library.custom_op("hush::kernel_average_backward", mutates_args=())
+def apply_backward(
+    logits: Tensor, images: Tensor, valid: Tensor, colour: Tensor, mask: Tensor, queries: Tensor, keys: Tensor, out: Tensor, norm: Tensor,
+    gradient: Tensor, sizes: list[int], coarse_taps: int, for_images: bool,
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:  # fmt: skip
+    """Gradients for the logits, the images (empty if not `for_images`), the coarser level's colours and the queries."""
+    arrays = plain(logits, images, valid, colour, mask, queries, keys, out, norm, gradient)
+    results = [torch.zeros_like(arrays[k], memory_format=torch.contiguous_format) for k in (0, 1, 3, 5)]
+    if not for_images:
+        results[1] = images.new_zeros(0, dtype=torch.float32)
+    (cuda.launch if images.is_cuda else launch)("hush_apply_backward", sizes, coarse_taps, images, *arrays, *results)
+    return results[0], results[1], results[2], results[3]
+
+
+@apply.register_fake
+def _(
+    logits: Tensor, images: Tensor, valid: Tensor, colour: Tensor, mask: Tensor, queries: Tensor, keys: Tensor,
+    sizes: list[int], coarse_taps: int,
+) -> tuple[Tensor, Tensor]:  # fmt: skip
+    b, _, _, h, w = images.shape
+    empty = lambda channels: images.new_empty(b, channels, h, w, dtype=torch.float32)
+    return empty(3), empty(1)
+
+
+@apply_backward.register_fake
+def _(
+    logits: Tensor, images: Tensor, valid: Tensor, colour: Tensor, mask: Tensor, queries: Tensor, keys: Tensor, out: Tensor, norm: Tensor,
+    gradient: Tensor, sizes: list[int], coarse_taps: int, for_images: bool,
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:  # fmt: skip
+    empty = lambda of: of.new_empty(of.shape, dtype=torch.float32)
+    return empty(logits), empty(images) if for_images else images.new_empty(0, dtype=torch.float32), empty(colour), empty(queries)
+
+
+def remember(ctx: torch.autograd.function.FunctionCtx, inputs: tuple[object, ...], output: tuple[Tensor, Tensor]) -> None:
+    *tensors, sizes, coarse_taps = inputs
+    ctx.save_for_backward(*tensors, *output)
+    ctx.sizes, ctx.coarse_taps = sizes, coarse_taps
+
+
+def backward(ctx: torch.autograd.function.FunctionCtx, gradient: Tensor, _: Tensor) -> tuple[Tensor | None, ...]:
+    """Valid pixels, masks and keys are data: they have no gradient, and neither has anything by way of the sum of the weights."""
+    to = apply_backward(*ctx.saved_tensors, gradient, ctx.sizes, ctx.coarse_taps, ctx.needs_input_grad[1])
+    to_images = to[1] if ctx.needs_input_grad[1] else None
+    return to[0], to_images, None, to[2], None, to[3], None, None, None
+
+
+apply.register_autograd(backward, setup_context=remember)
 
 
 def average(
@@ -91,7 +124,10 @@ def average(
     coarse_taps: int = 0,
     keyed: tuple[Tensor, Tensor] | None = None,
 ) -> tuple[Tensor, Tensor]:
-    """As `model.kernel_average`."""
-    colour, mask = coarse or (None, None)
-    queries, keys = keyed or (None, None)
-    return Apply.apply(logits, images, valid, colour, mask, queries, keys, sizes, coarse_taps if coarse else 0)
+    """As `model.kernel_average`, which it is on devices that have none of the two."""
+    if images.device.type not in ("cpu", "cuda"):
+        return kernel_average(logits, images, valid, sizes, coarse, coarse_taps, keyed)
+    none = images.new_zeros(0)
+    colour, mask = coarse or (none, none)
+    queries, keys = keyed or (none, none)
+    return apply(logits, images, valid, colour, mask, queries, keys, list(sizes), coarse_taps if coarse else 0)

@@ -13,36 +13,45 @@ QUINTIC = (3.4445, -4.7750, 2.0315)
 ROUNDS = 5
 
 
-def orthogonal(step: Tensor) -> Tensor:
-    """The nearest matrix whose singular values are about 1, (m, n) to (m, n)."""
+def orthogonal(steps: Tensor) -> Tensor:
+    """The nearest matrices whose singular values are about 1, (…, m, n) to (…, m, n)."""
     a, b, c = QUINTIC
-    x = step if step.shape[0] <= step.shape[1] else step.T
-    x = x / x.norm().clamp_min(1e-7)
+    wide = steps.shape[-2] <= steps.shape[-1]
+    x = steps if wide else steps.mT
+    x = x / x.norm(dim=(-2, -1), keepdim=True).clamp_min(1e-7)
     for _ in range(ROUNDS):
-        square = x @ x.T
+        square = x @ x.mT
         x = a * x + (b * square + c * square @ square) @ x
-    return x if step.shape[0] <= step.shape[1] else x.T
+    return x if wide else x.mT
 
 
 class Muon(Optimizer):
-    """Momentum, made orthogonal and scaled to the size of Adam's steps, so that both take the same rate."""
+    """Momentum, made orthogonal and scaled to the size of Adam's steps, so that both take the same rate.
 
-    def __init__(self, parameters: Iterable[Tensor], lr: float, momentum: float = 0.95, weight_decay: float = 0.0) -> None:
+    Parameters of one shape are stepped together, as one batch of matrices.
+    """
+
+    def __init__(
+        self, parameters: Iterable[Tensor] | list[dict[str, object]], lr: float, momentum: float = 0.95, weight_decay: float = 0
+    ) -> None:
         super().__init__(parameters, {"lr": lr, "momentum": momentum, "weight_decay": weight_decay})
 
     @torch.no_grad()
     def step(self, closure: None = None) -> None:  # noqa: ARG002
         for group in self.param_groups:
+            alike: dict[torch.Size, list[Tensor]] = {}
             for p in group["params"]:
-                if p.grad is None:
-                    continue
-                state = self.state[p]
-                mean = state.setdefault("mean", torch.zeros_like(p.grad))
-                mean.lerp_(p.grad, 1 - group["momentum"])
-                ahead = p.grad.lerp(mean, group["momentum"])
-                flat = orthogonal(ahead.flatten(1))
-                p.mul_(1 - group["lr"] * group["weight_decay"])
-                p.add_(flat.reshape(p.shape), alpha=-group["lr"] * 0.2 * max(flat.shape) ** 0.5)
+                if p.grad is not None:
+                    alike.setdefault(p.shape, []).append(p)
+            for shape, parameters in alike.items():
+                gradients = [p.grad for p in parameters]
+                means = [self.state[p].setdefault("mean", torch.zeros_like(p.grad)) for p in parameters]
+                torch._foreach_lerp_(means, gradients, 1 - group["momentum"])
+                ahead = torch.stack(torch._foreach_lerp(gradients, means, group["momentum"]))
+                flat = orthogonal(ahead.flatten(2))
+                torch._foreach_mul_(parameters, 1 - group["lr"] * group["weight_decay"])
+                size = 0.2 * max(flat.shape[1:]) ** 0.5
+                torch._foreach_add_(parameters, list(flat.reshape(len(parameters), *shape)), alpha=-group["lr"] * size)
 
 
 def is_hidden(name: str, parameter: Tensor) -> bool:
@@ -50,14 +59,22 @@ def is_hidden(name: str, parameter: Tensor) -> bool:
     return parameter.dim() == 4 and not any(part in name for part in ("encoder.first", "head", "query", "lambda"))
 
 
-class Both:
-    """Muon for the hidden layers, AdamW for the rest, as one."""
+def is_coarse(name: str) -> bool:
+    """Whether a parameter makes the features at eighth resolution, which see far."""
+    return name.startswith(("to_eighth.", "eighth."))
 
-    def __init__(self, net: nn.Module, rate: float) -> None:
+
+class Both:
+    """Muon for the hidden layers, AdamW for the rest, as one. What sees far has a weight decay of its own."""
+
+    def __init__(self, net: nn.Module, rate: float, decay: float = 1e-4, decay_coarse: float = 1e-4) -> None:
         named = list(net.named_parameters())
-        hidden = [p for n, p in named if is_hidden(n, p)]
-        others = [p for n, p in named if not is_hidden(n, p)]
-        self.parts = (Muon(hidden, rate, weight_decay=1e-4), AdamW(others, lr=rate, betas=(0.9, 0.99), weight_decay=1e-4))
+        chosen = lambda hidden, coarse: [p for n, p in named if is_hidden(n, p) == hidden and is_coarse(n) == coarse]
+        groups = lambda hidden: [
+            {"params": chosen(hidden, coarse), "weight_decay": decay_coarse if coarse else decay} for coarse in (False, True)
+        ]
+        device = next(net.parameters()).device.type
+        self.parts = (Muon(groups(True), rate), AdamW(groups(False), lr=rate, betas=(0.9, 0.99), fused=device == "cuda"))
 
     def set_rate(self, rate: float) -> None:
         for group in (group for part in self.parts for group in part.param_groups):

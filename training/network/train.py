@@ -1,243 +1,34 @@
-"""Trains the network. Resumable: start it again with the same folder and it goes on.
+"""Trains the network, on a GPU or a CPU. Resumable: start it again with the same folder and it goes on.
 
-python -m training.network.train --shots runs/shots --out runs/first --hours 2 --fused
+    python -m training.network.train --shots runs/shots --out runs/first --seconds 7200 --fused
+    python -m training.network.train --shots runs/shots --out runs/second --start runs/first/checkpoint.pt --device cuda --batch 64 \
+        --rate 2e-3 --seconds 540 --every 60
 """
 
 from __future__ import annotations
 
 import argparse
 import ctypes
-import json
-import math
-import os
-import random
 import time
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import torch
-import torch.nn.functional as F
-from torch import Tensor
-from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
+from torch import Tensor, nn
 
-from training.data.inputs import Guides, frames, prepare, view
-from training.data.shots import OFFSETS, Shot, is_held, oriented, read_shot, shot_paths
+from training.data.batches import Batch, Batches, Recipe
+from training.data.resident import Resident
 from training.network import fused
-from training.network.loss import asymmetric, flicker, smape
-from training.network.model import LAMBDA_MAX, Architecture, Hush, warped
+from training.network.clock import Clock, rate_share
+from training.network.model import Architecture, Hush
 from training.network.muon import Both
+from training.network.objective import SHARES, Shares, objective
+from training.network.run import Run, bound_gradients, checkpoint
+from training.network.weights_file import Trained, begin_from, changed
 
-Batch = dict[str, Tensor]
-TEMPORAL = 0.75
-PAIRED = 0.2  # of the batches are of two frames in a row on purpose, others by chance
-ALONE = 0.35  # of the batches are of window 0, at a third of the price
 M_TRIM_THRESHOLD, M_TOP_PAD, M_MMAP_THRESHOLD = -1, -2, -3  # of malloc.h
-
-
-def augmented(r: random.Random, shot: Shot) -> Shot:
-    """The shot mirrored, its channels in another order, tinted."""
-    shot = oriented(shot, r.random() < 0.5, r.random() < 0.5, r.random() < 0.5)
-    order = r.sample(range(3), 3)
-    tint = torch.tensor([math.exp(r.gauss(0, 0.25)) for _ in range(3)]).view(3, 1, 1)
-    shot.colour = shot.colour[:, order] * tint
-    shot.references = {k: x[order] * tint for k, x in shot.references.items()}
-    shot.albedo = shot.albedo[:, order]
-    return shot
-
-
-def neighbours(r: random.Random, shot: Shot) -> tuple[int, ...]:
-    """Most often ±1 and ±2; sometimes four from up to ±3, where the shot has them."""
-    near = shot.window(shot.centre)
-    return OFFSETS if len(near) == len(OFFSETS) or r.random() < 0.85 else tuple(r.sample(near, len(OFFSETS)))
-
-
-def example(r: random.Random, shot: Shot, alone: bool) -> tuple[Tensor, list[Batch], Tensor]:
-    """One shot, augmented, guides and neighbours dropped at random: the frames' inputs, a view of each frame that has a reference,
-    the later one first, and λ. `alone`: no neighbours at all, and the inputs of the viewed frames only."""
-    shot = augmented(r, shot)
-    of = frames(shot, Guides(r.random() >= 0.05, r.random() >= 0.06, r.random() >= 0.06))
-    offsets, drop = () if alone else neighbours(r, shot), r.random()
-    keep = 0.0 if drop < 0.12 else 0.5 if drop < 0.3 else 1.0
-    gone = torch.tensor([float(r.random() < keep) for _ in offsets]).view(-1, 1, 1, 1)
-    centres = sorted(shot.references, reverse=True)
-    views = []
-    for i, centre in enumerate(centres):
-        # The frame before sees the same frames as far as it reaches, and mirrors the rest.
-        reach = [k if 0 <= centre + k < len(shot.depth) else -k for k in offsets]
-        seen = view(shot, of, centre, reach)
-        seen["extras"][:, :6] *= gone
-        for name in ("valid", "colour", "albedo"):
-            seen[name] = torch.cat((seen[name][:1], seen[name][1:] * gone))
-        seen["frames"] = torch.tensor([i] if alone else [centre, *(centre + k for k in reach)])
-        views.append(seen)
-    if len(views) > 1:
-        position, trust, _ = shot.path(shot.centre, -1)
-        views[0] |= {"before": position.nan_to_num(0.0), "followed": trust[None].float()}
-    return of.inputs[centres] if alone else of.inputs, views, torch.tensor(1.0 if r.random() < 0.65 else LAMBDA_MAX ** r.random())
-
-
-def collate(parts: list[Batch]) -> Batch:
-    return {k: torch.stack([p[k] for p in parts]) for k in parts[0]}
-
-
-def batch_of(r: random.Random, shots: list[Shot], outputs: int) -> tuple[Tensor, list[Batch], Tensor]:
-    """Shots of the same kind, one or two references each, `outputs` denoised frames in all."""
-    kinds = [len(s.references) for s in shots]
-    kind = max(kinds) if r.random() < PAIRED else r.choice(kinds)
-    alike = [s for s in shots if len(s.references) == kind]
-    alone = r.random() < ALONE
-    inputs, views, lam = zip(*(example(r, r.choice(alike), alone) for _ in range(max(1, outputs // kind))), strict=True)
-    return torch.stack(inputs), [collate(list(v)) for v in zip(*views, strict=True)], torch.stack(lam)
-
-
-def still_loss(out: Batch, view: Batch, lam: Tensor) -> Tensor:
-    """The loss of one frame, on images scaled so that the reference's mean is 0.4.
-
-    The asymmetric loss of the final image, weighted 2 / (1 + √λ) so that no λ outweighs the others; 0.1 and 0.05 of the SMAPE of
-    the demodulated half and quarter levels; 0.1 of the SMAPE of the final image at half resolution, against blotches. Shots of many
-    samples, whose errors are small, count more.
-    """
-    gain = view["gain"].view(-1, 1, 1, 1)
-    reference, noisy = view["reference"] * gain, view["noisy"] * gain
-    effort = view["effort"].view(-1, 1, 1, 1)
-    weight = (2.0 / (1.0 + lam.sqrt())).view(-1, 1, 1, 1)
-    total = (asymmetric(out["image"] * gain, reference, noisy, lam) * weight * effort).mean()
-    base = view["reference"] / view["albedo"][:, 0].clamp_min(0.05) * gain
-    for level, share in (("half", 0.1), ("quarter", 0.05)):
-        base = F.avg_pool2d(base, 2)
-        total = total + share * (smape(out[level] * gain, base) * effort).mean()
-    return total + 0.1 * (smape(F.avg_pool2d(out["image"] * gain, 2), F.avg_pool2d(reference, 2)) * effort).mean()
-
-
-def temporal_loss(out: list[Batch], views: list[Batch], lam: Tensor) -> Tensor:
-    """`loss.flicker` of two frames in a row, 1 / λ of it: what noise is left to be seen flickers too."""
-    gain = views[0]["gain"].view(-1, 1, 1, 1)
-    now, before = ((o["image"] * gain, v["reference"] * gain) for o, v in zip(out, views, strict=True))
-    changes = flicker(*now, warped(before[0] - before[1], views[0]["before"]), views[0]["followed"])
-    return (changes / lam.view(-1, 1, 1, 1)).mean()
-
-
-def objective(net: Hush, inputs: Tensor, views: list[Batch], lam: Tensor, temporal: float) -> Tensor:
-    """The loss of a batch of shots: the mean of its frames', and `temporal` times the temporal loss where there are two."""
-    features = net.encode(inputs)
-    rows = torch.arange(len(inputs))[:, None]
-    out = [net.denoise(features[rows, v["frames"]], v, lam) for v in views]
-    total = sum(still_loss(o, v, lam) for o, v in zip(out, views, strict=True)) / len(views)
-    return total + temporal * temporal_loss(out, views, lam) if len(views) > 1 else total
-
-
-@torch.no_grad()
-def validate_blocks(net: Hush, shots: list[Shot], offsets: tuple[int, ...], blocks: tuple[int, ...]) -> list[float]:
-    """Mean SMAPE over the shots' middle frames at λ 1, the reference scaled to mean 0.4, of the means over blocks of pixels of each
-    size: the references' own noise counts less in larger ones."""
-    totals = [0.0] * len(blocks)
-    for shot in shots:
-        batch = collate([prepare(shot, offsets)])
-        image = net(batch, torch.ones(1))["image"]
-        gain = batch["gain"].view(-1, 1, 1, 1)
-        for k, block in enumerate(blocks):
-            totals[k] += float(smape(*(F.avg_pool2d(x * gain, block) for x in (image, batch["reference"]))).mean())
-    return [total / len(shots) for total in totals]
-
-
-def validate(net: Hush, shots: list[Shot], offsets: tuple[int, ...]) -> float:
-    """As `validate_blocks`, of the pixels themselves."""
-    return validate_blocks(net, shots, offsets, (1,))[0]
-
-
-@torch.no_grad()
-def validate_flicker(net: Hush, shots: list[Shot], lam: float = 1.0) -> float:
-    """Mean flicker over the shots that have references of two frames; NaN where none has."""
-    paired = [s for s in shots if len(s.references) > 1]
-    total = 0.0
-    for shot in paired:
-        of = frames(shot)
-        out, views = [], []
-        for centre in (shot.centre, shot.centre - 1):
-            v = view(shot, of, centre, OFFSETS)
-            order = [centre, *(centre + k for k in OFFSETS)]
-            views.append(collate([v]))
-            out.append(net(views[-1] | {"inputs": of.inputs[order][None]}, torch.tensor([lam])))
-        position, trust, _ = shot.path(shot.centre, -1)
-        views[0] |= {"before": position.nan_to_num(0.0)[None], "followed": trust[None, None].float()}
-        total += float(temporal_loss(out, views, torch.tensor([1.0])))
-    return total / len(paired) if paired else math.nan
-
-
-@dataclass
-class Run:
-    """The state of a training run; `checkpoint.pt` in its folder holds all of it but the shots."""
-
-    folder: Path
-    sources: list[Path]
-    net: Hush
-    mean: AveragedModel
-    optimiser: Both
-    step: int = 0
-    spent: float = 0.0
-    shots: dict[int, Shot] = field(default_factory=dict)
-    held: dict[int, Shot] = field(default_factory=dict)
-
-    def find_shots(self) -> None:
-        """Reads the shots that came since the last time."""
-        for path in shot_paths(self.sources):
-            into = self.held if is_held(path) else self.shots
-            if int(path.stem) not in into:
-                into[int(path.stem)] = read_shot(path)
-
-    def resume(self) -> None:
-        """Goes on where the folder's checkpoint was written; from the start where there is none."""
-        path = self.folder / "checkpoint.pt"
-        if not path.exists():
-            return
-        state = torch.load(path, weights_only=True)
-        self.net.load_state_dict(state["net"])
-        self.mean.load_state_dict(state["mean"])
-        self.optimiser.load_state_dict(state["optimiser"])
-        self.step, self.spent = state["step"], state["spent"]
-
-    def record(self, loss: float) -> None:
-        """Validates the averaged weights, adds a line to log.jsonl and writes the checkpoint."""
-        net, held = self.mean.module, list(self.held.values())
-        (window2, blocks2), (window0, blocks0) = (validate_blocks(net, held, offsets, (1, 4)) for offsets in (OFFSETS, ()))
-        scores = {"window2": window2, "window0": window0, "flicker": validate_flicker(net, held)}
-        scores |= {"blocks2": blocks2, "blocks0": blocks0}
-        counts = {"shots": len(self.shots), "held": len(held)}
-        line = json.dumps({"step": self.step, "spent": self.spent, "loss": loss, **scores, **counts})
-        print(line, flush=True)
-        with (self.folder / "log.jsonl").open("a") as log:
-            log.write(line + "\n")
-        parts = {"net": self.net.state_dict(), "mean": self.mean.state_dict(), "optimiser": self.optimiser.state_dict()}
-        aside = self.folder / "checkpoint.tmp"
-        torch.save({**parts, "step": self.step, "spent": self.spent, "seeds": sorted(self.shots)}, aside)
-        os.replace(aside, self.folder / "checkpoint.pt")
-
-
-def averaged_of(state: dict[str, Batch]) -> Batch:
-    """The averaged weights that a checkpoint holds, by the network's names."""
-    return {k.removeprefix("module."): v for k, v in state["mean"].items() if k.startswith("module.")}
-
-
-def mean_of(weights: list[Batch]) -> Batch:
-    """The mean of several networks' weights."""
-    return {name: torch.stack([one[name].float() for one in weights]).mean(0) for name in weights[0]}
-
-
-def averaged(checkpoint: Path) -> Batch:
-    """A checkpoint's averaged weights, by the network's names."""
-    return averaged_of(torch.load(checkpoint, weights_only=True, map_location="cpu"))
-
-
-def begin_from(net: Hush, mean: Batch) -> None:
-    """Takes over averaged weights. What an older architecture lacks keeps its random start; a head's new taps start at a logit of 0."""
-    state = net.state_dict()
-    for at, value in mean.items():
-        if at not in state or state[at].shape[1:] != value.shape[1:]:
-            continue
-        state[at].zero_()
-        state[at][: len(value)] = value
-    net.load_state_dict(state)
+AVERAGE = 0.999  # decay of the averaged weights by step
 
 
 def keep_memory() -> None:
@@ -248,68 +39,176 @@ def keep_memory() -> None:
             mallopt(parameter, value)
 
 
-def main() -> None:
+def drop_coarse(net: Hush, share: float) -> None:
+    """Leaves the features at eighth resolution out of a share of the examples while training; the eighth's kernels keep them."""
+    count = net.arch.eighth
+
+    def drop(_: nn.Module, inputs: tuple[Tensor, ...]) -> tuple[Tensor, ...]:
+        (joined,) = inputs
+        keep = (torch.rand(len(joined), 1, 1, 1, device=joined.device) >= share).to(joined.dtype)
+        return (torch.cat((joined[:, :count] * keep, joined[:, count:]), 1),)
+
+    net.from_eighth.register_forward_pre_hook(drop)
+
+
+def beginning(a: argparse.Namespace, state: dict[str, object] | None) -> tuple[Hush, Clock]:
+    """The network to train: a checkpoint's, else one that begins from `--start`, else from random weights; and the run's time."""
+    if state:
+        return Hush(Architecture(**state["architecture"])), Clock(a.seconds, state["spent"], state["done"])
+    if not a.start:
+        return Hush(changed(Architecture(), a.architecture)), Clock(a.seconds)
+    trained = Trained.read(a.start).without(a.without)
+    net = Hush(changed(trained.architecture, a.architecture))
+    begin_from(net, trained.weights)
+    return net, Clock(a.seconds)
+
+
+def arguments() -> argparse.Namespace:
+    names = lambda text: [name for name in text.split(",") if name]
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("--shots", type=Path, nargs="+", required=True, help="folders of shots; new ones are read at every checkpoint")
     p.add_argument("--out", type=Path, required=True)
-    p.add_argument("--start", type=Path, help="a checkpoint whose averaged weights a new run starts from")
-    p.add_argument("--hours", type=float, default=2.0, help="wall-clock hours of the whole schedule, resumed runs included")
+    p.add_argument("--device", default="cpu", choices=("cpu", "cuda", "mps"))
+    p.add_argument("--start", type=Path, help="a weights file, or a checkpoint's averaged weights, that a new run starts from")
+    p.add_argument("--without", type=names, default=[], help="residual blocks of --start to leave out: eighth.0,half_out.1")
+    p.add_argument("--architecture", type=names, default=[], help="numbers that a new run changes: blocks_quarter=3,blocks_out=2")
+    p.add_argument("--seconds", type=float, default=7200.0, help="wall-clock time of the whole run, resumed ones and reading included")
     p.add_argument("--steps", type=int, default=10**9, help="end the run there; the schedule stays")
+    p.add_argument("--every", type=float, default=600.0, help="seconds between checkpoints, each with its scores")
+    p.add_argument("--sample", type=int, default=40, help="validation shots, and as many training shots, that are scored at a checkpoint")
     p.add_argument("--batch", type=int, default=4, help="denoised frames a step")
     p.add_argument("--rate", type=float, default=1e-3)
-    p.add_argument("--temporal", type=float, default=TEMPORAL, help="share of the temporal loss")
     p.add_argument("--seed", type=int, default=17, help="of the order of the examples: runs that differ in it can be averaged")
     p.add_argument("--threads", type=int, default=1)
-    p.add_argument("--bf16", action="store_true", help="convolutions in bfloat16 (fast on CPUs with AVX512-BF16)")
-    p.add_argument("--fused", action="store_true", help="apply the kernels in C++ (needs g++): twice as fast")
-    p.add_argument("--every", type=int, default=1000, help="steps between checkpoints and validations")
-    a = p.parse_args()
+    p.add_argument("--bf16", action=argparse.BooleanOptionalAction, help="convolutions in bfloat16 [default: on cuda]")
+    p.add_argument("--fused", action=argparse.BooleanOptionalAction, help="apply the kernels in C++ (needs g++) or CUDA [default: on cuda]")
+    p.add_argument("--compile", choices=("default", "reduce-overhead"), help="torch.compile, with CUDA graphs in the second mode")
+    recipe, shares = Recipe(), SHARES
+    p.add_argument("--paired", type=float, default=recipe.paired, help="share of the batches of two frames in a row")
+    p.add_argument("--alone", type=float, default=recipe.alone, help="share of the batches without neighbours")
+    p.add_argument("--composed", type=float, default=recipe.composed, help="share of the batches of shots in front of others")
+    p.add_argument("--crop", type=int, default=recipe.crop, help="side of the squares that larger shots are cut to; a multiple of 16")
+    p.add_argument("--lambda-maps", type=float, default=recipe.lambda_maps, help="share of the examples whose λ varies inside the frame")
+    p.add_argument("--temporal", type=float, default=shares.temporal, help="share of the temporal loss")
+    p.add_argument("--fireflies", type=float, default=shares.fireflies, help="share of the loss that sees fireflies")
+    p.add_argument("--decay-coarse", type=float, default=1e-4, help="weight decay of the features at eighth resolution")
+    p.add_argument("--drop-coarse", type=float, default=0.0, help="share of the examples that do without those features")
+    return p.parse_args()
+
+
+class Trainer:
+    """Steps of a run: batches, gradients, and the averaged weights."""
+
+    def __init__(self, run: Run, recipe: Recipe, shares: Shares, a: argparse.Namespace) -> None:
+        self.run, self.shares, self.rate = run, shares, a.rate
+        self.bf16 = a.bf16
+        self.batches = Batches(run.shots, recipe, a.seed + run.step)
+        self.loss: Callable[..., Tensor] = torch.compile(objective, mode=a.compile, dynamic=False) if a.compile else objective
+        self.loss_of_late: Tensor | None = None
+
+    def backward(self, batch: Batch) -> Tensor:
+        """The gradients of a batch, and its loss, which stays on the device."""
+        net = self.run.net
+        torch.compiler.cudagraph_mark_step_begin()
+        with torch.autocast(batch.inputs.device.type, torch.bfloat16, enabled=self.bf16):
+            loss = self.loss(net, batch, self.shares)
+        self.run.optimiser.zero_grad()
+        loss.backward()
+        return loss.detach().clone()
+
+    def warm_up(self) -> None:
+        """A batch of every kind, for nothing: what is compiled or searched for at a shape's first use is there when the schedule begins."""
+        for batch in self.batches.each_kind():
+            self.backward(batch)
+        self.run.optimiser.zero_grad()
+        if self.batches.shots.device.type == "cuda":
+            torch.cuda.synchronize()
+
+    def step(self, batch: Batch) -> None:
+        run = self.run
+        run.optimiser.set_rate(self.rate * rate_share(run.step, run.clock.done))
+        loss = self.backward(batch)
+        bound_gradients(run.net)
+        run.optimiser.step()
+        run.average(AVERAGE)
+        run.step += 1
+        self.loss_of_late = loss if self.loss_of_late is None else torch.lerp(self.loss_of_late, loss, 0.01)
+
+    def drawn(self) -> Iterator[Batch]:
+        """Batches without end; on a CPU the next one is made while one is used."""
+        if self.batches.shots.device.type != "cpu":
+            while True:
+                yield self.batches.draw()
+        with ThreadPoolExecutor(1) as ahead:
+            coming = ahead.submit(self.batches.draw)
+            while True:
+                batch, coming = coming.result(), ahead.submit(self.batches.draw)
+                yield batch
+
+
+def train(run: Run, trainer: Trainer, a: argparse.Namespace) -> None:
+    """Trains until the run's time is over, with a checkpoint every `--every` seconds and one at the end."""
+
+    def record() -> None:
+        began = time.monotonic()
+        loss = None if trainer.loss_of_late is None else float(trainer.loss_of_late)
+        run.record(loss, run.measure(a.sample, a.bf16 and a.device == "cuda"))
+        run.clock.reserve = time.monotonic() - began
+
+    record()
+    if a.compile or a.device == "cuda":
+        trainer.warm_up()
+    run.clock.start()
+    begun = recorded = run.clock.spent
+    first = printed = run.step
+    for batch in trainer.drawn():
+        if run.clock.done >= 1.0 or run.step >= a.steps:
+            break
+        trainer.step(batch)
+        if run.step == printed + 100:
+            printed = run.step
+            pace = (run.clock.spent - begun) / (run.step - first)
+            print(f"step {run.step} loss {float(trainer.loss_of_late):.4f} done {run.clock.done:.3f} {pace:.3f} s/step", flush=True)
+        if run.clock.spent - recorded >= a.every:
+            record()
+            run.find_shots()
+            recorded = run.clock.spent
+    if run.step > first:
+        record()
+
+
+def main() -> None:
+    a = arguments()
+    device = torch.device(a.device, 0) if a.device == "cuda" else torch.device(a.device)
+    for option in ("bf16", "fused"):
+        if getattr(a, option) is None:
+            setattr(a, option, a.device == "cuda")
     torch.set_num_threads(a.threads)
+    torch.backends.cuda.matmul.allow_tf32 = torch.backends.cudnn.allow_tf32 = torch.backends.cudnn.benchmark = True
     keep_memory()
     a.out.mkdir(parents=True, exist_ok=True)
-    torch.manual_seed(1)
-    net = Hush(Architecture()).to(memory_format=torch.channels_last)
-    if a.start:
-        begin_from(net, averaged(a.start))
-    mean = AveragedModel(net, multi_avg_fn=get_ema_multi_avg_fn(0.999))
+    torch.manual_seed(a.seed)
+    state = checkpoint(a.out)
+    net, clock = beginning(a, state)
+    net = net.to(device, memory_format=torch.channels_last)
+    mean = Run.averaged(net)
     if a.fused:
-        net.average = mean.module.average = fused.average
-    optimiser = Both(net, a.rate)
-    run = Run(a.out, a.shots, net, mean, optimiser)
-    run.resume()
+        net.average = mean.average = fused.average
+    if a.drop_coarse:
+        drop_coarse(net, a.drop_coarse)
+    run = Run(a.out, a.shots, net, mean, Both(net, a.rate, decay_coarse=a.decay_coarse), clock, Resident(device), Resident(device))
+    if state:
+        run.resume(state)
     run.find_shots()
-    recorded = run.step
-    r = random.Random(run.step + a.seed)
-    prepared = ThreadPoolExecutor(1)
-    ahead = lambda: prepared.submit(batch_of, r, list(run.shots.values()), a.batch)
-    begun, running, coming = time.monotonic() - run.spent, None, ahead()
-    while (spent := time.monotonic() - begun) < a.hours * 3600 and run.step < a.steps:
-        done = spent / (a.hours * 3600)
-        rate = a.rate * min(1.0, (run.step + 1) / 200) * max(0.005, 0.5 * (1 + math.cos(math.pi * done)))
-        optimiser.set_rate(rate)
-        batch, coming = coming.result(), ahead()
-        with torch.autocast("cpu", torch.bfloat16, enabled=a.bf16):
-            loss = objective(net, *batch, a.temporal)
-        optimiser.zero_grad()
-        loss.backward()
-        norm = torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
-        if torch.isfinite(norm):
-            optimiser.step()
-            mean.update_parameters(net)
-        run.step += 1
-        run.spent = spent
-        value = float(loss.detach())
-        running = value if running is None else 0.99 * running + 0.01 * value
-        if run.step % 100 == 0:
-            print(f"step {run.step} loss {running:.4f} rate {rate:.2e} {spent / run.step:.3f} s/step", flush=True)
-        if run.step % a.every == 0:
-            run.record(running)
-            run.find_shots()
-            recorded = run.step
-    if running is not None and run.step > recorded:
-        run.spent = spent  # the schedule's end, so that starting again trains no further
-        run.record(running)
-    prepared.shutdown()
+    if not len(run.shots):
+        raise SystemExit(f"no training shots in {', '.join(map(str, a.shots))}: NNNNNN.npz with seeds not divisible by 8")
+    print(f"{len(run.shots)} shots, {len(run.held)} for validation, read in {clock.spent:.1f} s", flush=True)
+    recipe = Recipe(
+        outputs=a.batch, crop=a.crop, alone=a.alone, paired=a.paired, composed=a.composed, lambda_maps=a.lambda_maps,
+        farther=0.0 if a.compile else Recipe.farther,
+    )  # fmt: skip
+    shares = Shares(temporal=a.temporal, fireflies=a.fireflies)
+    train(run, Trainer(run, recipe, shares, a), a)
 
 
 if __name__ == "__main__":

@@ -76,20 +76,3 @@ def lamps(r: random.Random, scene: bpy.types.Scene, kind: str, size: float, back
     """More of them where the world is dark."""
     count = r.choice([0, 1, 1, 2, 3]) if background > 0.3 else r.choice([1, 1, 2, 3, 4])
     return [lamp(r, scene, kind, size) for _ in range(count)]
-
-
-def haze(r: random.Random, size: float) -> None:
-    """Thin fog in all of the scene, now and then."""
-    if r.random() >= 0.06:
-        return
-    bpy.ops.mesh.primitive_cube_add(size=1, location=(0, 0, size * 0.5))
-    volume = bpy.context.object
-    volume.scale = (size * 2.3, size * 2.3, size * 1.1)
-    material = bpy.data.materials.new("v")
-    material.use_nodes = True
-    tree = material.node_tree
-    tree.nodes.remove(tree.nodes["Principled BSDF"])
-    scatter = tree.nodes.new("ShaderNodeVolumeScatter")
-    scatter.inputs["Density"].default_value = math.exp(r.uniform(-4, -2))
-    tree.links.new(scatter.outputs[0], tree.nodes["Material Output"].inputs["Volume"])
-    volume.data.materials.append(material)

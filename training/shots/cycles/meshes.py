@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import random
+from functools import cache
+from pathlib import Path
 
 import bpy
 from mathutils import Euler, Vector
@@ -44,10 +46,22 @@ def lettering(r: random.Random) -> None:
     text.size = 1.6
 
 
+@cache
+def draco() -> bool:
+    """Whether this Blender can decode Draco's meshes, as the models are: the 5.2.3 package lacks the library."""
+    local = Path(bpy.utils.resource_path("LOCAL"))
+    places = [*local.glob("scripts/addons_core/io_scene_gltf2/*draco*"), *local.glob("../lib/*draco_bridge*")]
+    return bool(bpy.app.binary_path) or any(place.suffix in (".so", ".dll", ".dylib") for place in places)
+
+
 def model(r: random.Random, assets: Assets) -> bpy.types.Object:
-    """The first mesh of a glTF file, scaled to 1.8 units, without its materials."""
+    """The first mesh of a glTF file, scaled to 1.8 units, without its materials; Suzanne where Blender cannot decode the file."""
     before = set(bpy.data.objects)
-    bpy.ops.import_scene.gltf(filepath=r.choice(assets.models))
+    path = r.choice(assets.models)
+    if not draco():
+        solid(r, "monkey")
+        return bpy.context.object
+    bpy.ops.import_scene.gltf(filepath=path)
     new = [thing for thing in bpy.data.objects if thing not in before]
     meshes = [thing for thing in new if thing.type == "MESH"]
     for thing in new:

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Sequence
+from typing import Any
 
 import bmesh
 import bpy
-from mathutils import Euler, Vector
+from mathutils import Vector
 
+from training.shots.cycles import features
 from training.shots.cycles.assets import Assets
-from training.shots.cycles.lights import environment, haze, lamps
+from training.shots.cycles.lights import environment, lamps
 from training.shots.cycles.materials import material
 from training.shots.cycles.meshes import mesh
+from training.shots.cycles.motion import MIDDLE, animate, move_camera
+from training.shots.cycles.volumes import haze
 
-MIDDLE = 6  # the frame that shows the pose as built
+# Of Blender 5.2, on by default; a user may turn them off.
+GUIDE_SWITCHES = ("denoising_pass_follow_reflections", "denoising_pass_use_albedo_roughness_weighting")
 
 
 def room(r: random.Random, size: float, assets: Assets) -> None:
@@ -91,38 +95,6 @@ def camera(r: random.Random, scene: bpy.types.Scene, target: Vector, distance: f
     return eye, way
 
 
-def animate(thing: bpy.types.Object, travel: Sequence[float], spin: Sequence[float]) -> None:
-    """Constant velocity over frames 1 to 11; `travel` in units a frame, `spin` in radians a frame."""
-    turns = thing.type == "CAMERA"  # those are in quaternions
-    where = thing.location.copy()
-    pose = (thing.rotation_quaternion if turns else thing.rotation_euler).copy()
-    for frame in (1, 11):
-        k = frame - MIDDLE
-        thing.location = where + Vector(travel) * k
-        if turns:
-            thing.rotation_quaternion = Euler([a * k for a in spin]).to_quaternion() @ pose
-        else:
-            thing.rotation_euler = [a + b * k for a, b in zip(pose, spin, strict=True)]
-        thing.keyframe_insert("location", frame=frame)
-        thing.keyframe_insert("rotation_quaternion" if turns else "rotation_euler", frame=frame)
-
-
-def move_camera(r: random.Random, eye: bpy.types.Object, way: Vector, step: float) -> str:
-    """Animates the camera; `step` is the travel that makes about one pixel a frame. Returns the kind of motion."""
-    speed = math.exp(r.uniform(-1, 2.0)) * step
-    kind = r.choices(["static", "truck", "dolly", "pan", "mix"], [0.15, 0.3, 0.15, 0.15, 0.25])[0]
-    travel, spin = Vector((0, 0, 0)), [0.0, 0.0, 0.0]
-    if kind in ("truck", "mix"):
-        travel += eye.rotation_quaternion @ Vector((r.gauss(0, 1), r.gauss(0, 0.5), 0)) * speed
-    if kind in ("dolly", "mix"):
-        travel += eye.rotation_quaternion @ Vector((0, 0, r.choice([-1, 1]))) * speed * 2
-    if kind in ("pan", "mix"):
-        spin[2] = r.gauss(0, 1) * speed / way.length
-    if kind != "static":
-        animate(eye, travel, spin)
-    return kind
-
-
 def settings(r: random.Random, scene: bpy.types.Scene) -> None:
     """Cycles, the passes a denoiser wants, and a plain float EXR."""
     cycles = scene.cycles
@@ -136,6 +108,9 @@ def settings(r: random.Random, scene: bpy.types.Scene) -> None:
     layer.cycles.denoising_store_passes = True
     layer.use_pass_vector = True
     layer.use_pass_z = True
+    for name in GUIDE_SWITCHES:
+        if hasattr(layer.cycles, name):
+            setattr(layer.cycles, name, r.random() < 0.8)
     image = scene.render.image_settings
     if hasattr(image, "media_type"):  # Blender 5; it resets the rest, so it comes first
         image.media_type = "MULTI_LAYER_IMAGE"
@@ -145,19 +120,21 @@ def settings(r: random.Random, scene: bpy.types.Scene) -> None:
     scene.render.use_persistent_data = True
 
 
-def build(seed: int, assets: Assets) -> tuple[random.Random, str, str]:
-    """Empties Blender and builds the seed's shot. Returns the generator for further draws, the kinds of scene and of motion."""
+def build(seed: int, assets: Assets, pixels: int = 128) -> tuple[random.Random, dict[str, Any]]:
+    """Empties Blender and builds the seed's shot for a frame that is so wide. Returns the generator for further draws, and what the
+    shot is: `kind` of scene, camera's `motion`, `features`, `film_transparent`."""
     r = random.Random(seed)
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.context.preferences.edit.keyframe_new_interpolation_type = "LINEAR"
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
     scene.frame_set(MIDDLE)
-    kind = r.choices(["studio", "room", "outdoor", "clutter"], [0.3, 0.3, 0.2, 0.2])[0]
+    wanted = features.drawn(r)
+    kind = r.choices(["studio", "room", "outdoor", "clutter"], [0.3, 0.0 if "film" in wanted else 0.3, 0.2, 0.2])[0]
     size, background = environment(r, scene, kind, assets)
     if kind == "room":
         room(r, size, assets)
-    else:
+    elif "film" not in wanted or r.random() < 0.2:
         ground(r, kind, size, assets)
     made = things(r, kind, size, assets)
     lights = lamps(r, scene, kind, size, background)
@@ -169,12 +146,14 @@ def build(seed: int, assets: Assets) -> tuple[random.Random, str, str]:
         eye.location = [max(-limit, min(limit, c)) for c in eye.location]
         eye.location.z = max(0.1 * size, min(size * 1.1, eye.location.z))
         eye.rotation_quaternion = (target - eye.location).to_track_quat("-Z", "Y")
-    step = (target - eye.location).length * 36 / eye.data.lens / 128
+    distance = (target - eye.location).length
+    step = distance * 36 / eye.data.lens / pixels
+    settings(r, scene)
+    features.add(features.Built(r, scene, kind, size, assets, made, lights, distance, step), wanted)
     motion = move_camera(r, eye, way, step)
     if r.random() < 0.65 or motion == "static":
         for thing in r.sample(made, min(len(made), r.randint(1, 5))):
             animate(thing, [r.gauss(0, 1) * step * 2.5 for _ in range(3)], [r.gauss(0, 0.04) for _ in range(3)])
     if lights and r.random() < 0.1:
         animate(r.choice(lights), [r.gauss(0, 1) * step * 3 for _ in range(3)], [0, 0, 0])
-    settings(r, scene)
-    return r, kind, motion
+    return r, {"kind": kind, "motion": motion, "features": wanted, "film_transparent": "film" in wanted}

@@ -152,8 +152,8 @@ def shot(seed: int, size: int, target: Path, frames: Path | None) -> str:
             if frame == 0:
                 middle = reference(scene, r, MOST if seed % 8 else MOST_HELD)
     assert miss < 0.05, f"{seed}: the camera model is {miss} pixels off"
-    meta = {"seed": seed, "kind": world.kind, "motion": world.motion, "spp": samples, "adaptive": 0.0, "renderer": "mitsuba"}
-    save(target, noisy, middle, meta)
+    meta = {"seed": seed, "kind": world.kind, "motion": world.motion, "spp": [samples], "adaptive": [0.0], "renderer": "mitsuba"}
+    save(target, [noisy], [[middle]], meta)
     if frames:
         frames.mkdir(parents=True, exist_ok=True)
         (frames / "hush.toml").write_text(SETTINGS)
