@@ -90,7 +90,7 @@ fn every_stage_agrees_with_pytorch_on_every_isa() {
             let neighbours: Vec<(i32, &EncodedFrame)> = offsets.iter().map(|o| (*o, at(*o))).collect();
             let lambda = case.0["lambda"][0];
             compare(&what("features"), image_of_features(&frames[centre].features).view(), case.get("features"));
-            let stages = engine.stages(&frames[centre], &neighbours, lambda);
+            let stages = engine.stages(&frames[centre], &neighbours, lambda.into());
             for (features, name) in stages.features.iter().zip(["half_features", "quarter_features", "eighth_features"]).rev() {
                 compare(&what(name), features.view(), case.get(name));
             }
