@@ -5,6 +5,7 @@ use ndarray::{Array2, ArrayView2};
 use super::packed::ALIGNMENT;
 use crate::error::{Error, Result};
 use crate::rules::window::LAMBDA_RANGE;
+use crate::words::counted;
 
 /// Masks may be off by this much, as filters leave them, before anybody is told.
 const ROUNDING: f32 = 1e-3;
@@ -41,6 +42,8 @@ pub struct LambdaMap {
     codes: Array2<f32>,
     /// λ where it is the same everywhere.
     constant: Option<f32>,
+    /// How many of the values that it was made from were no λ: NaN, less than 1 or more than 64.
+    changed: usize,
 }
 
 impl LambdaMap {
@@ -65,7 +68,8 @@ impl LambdaMap {
         let mut values = lambda.iter().map(|v| bounded(*v));
         let first = values.next();
         let constant = first.filter(|first| values.all(|v| v == *first));
-        Ok(Self { size: lambda.dim(), codes: halved(lambda, |v| code(bounded(v))), constant })
+        let changed = lambda.iter().filter(|v| bounded(**v) != **v).count();
+        Ok(Self { size: lambda.dim(), codes: halved(lambda, |v| code(bounded(v))), constant, changed })
     }
 
     /// Rows and columns of the frame.
@@ -76,6 +80,12 @@ impl LambdaMap {
     /// λ where it is the same everywhere.
     pub fn constant(&self) -> Option<f32> {
         self.constant
+    }
+
+    /// What is odd about the values that it was made from, if anything.
+    pub fn note(&self) -> Option<String> {
+        let (least, most) = LAMBDA_RANGE;
+        (self.changed > 0).then(|| format!("holds values outside {least}…{most} or NaN, in {}", counted(self.changed, "pixel")))
     }
 
     /// log₂ λ over log₂ 64 at half resolution.
@@ -126,13 +136,13 @@ impl LambdaMask {
             Some(1.0) => Some(masked),
             _ => None,
         };
-        Ok(LambdaMap { size: self.size, codes: self.shares.mapv(|share| low + share * (high - low)), constant })
+        Ok(LambdaMap { size: self.size, codes: self.shares.mapv(|share| low + share * (high - low)), constant, changed: 0 })
     }
 
     /// What is odd about its values, if anything.
     pub fn note(&self) -> Option<String> {
-        let count = |n: usize| if n == 1 { "1 pixel".to_owned() } else { format!("{n} pixels") };
-        let nan = (self.not_numbers > 0).then(|| format!("is no number in {}, which counts as 0", count(self.not_numbers)));
+        let nan =
+            (self.not_numbers > 0).then(|| format!("is no number in {}, which counts as 0", counted(self.not_numbers, "pixel")));
         let beyond = self.beyond.map(|(least, greatest)| {
             let value = if greatest > 1.0 + ROUNDING { greatest } else { least };
             format!("holds values outside 0 to 1, such as {value}, which are clamped: 0 means lambda, 1 lambda masked")
@@ -185,6 +195,7 @@ mod tests {
             let expected = if v.is_nan() { 4.0 } else { v.clamp(1.0, 64.0) };
             assert_eq!(map.constant(), Some(expected), "{v}");
             assert!(map.codes().iter().all(|c| *c == expected.log2() / 6.0), "{v}");
+            assert_eq!(map.note().is_some(), v != expected, "{v}");
         }
         for bad in [f32::NAN, 0.5, -1.0] {
             assert!(LambdaMap::new(Array2::zeros((1, 1)).view(), bad).is_err());
