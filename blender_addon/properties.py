@@ -44,6 +44,27 @@ class HushShot(bpy.types.PropertyGroup):
         step=10,
         precision=2,
     )
+    lambda_pass: StringProperty(
+        name="λ Mask AOV",
+        description=_description("lambda_pass", ". Name of a shader AOV of the view layer; empty: λ Noise to Keep holds everywhere"),
+        options=set(),
+    )
+    lambda_images: StringProperty(
+        name="λ Mask Images",
+        description=_description("lambda_images", ", and # for the frame's number"),
+        subtype="FILE_PATH",
+        options=set(),
+    )
+    lambda_masked: FloatProperty(
+        name="λ in the Mask",
+        description="Noise to keep where the mask is white; λ Noise to Keep holds where it is black",
+        default=SETTINGS["lambda_masked"].default,
+        min=SETTINGS["lambda_masked"].least,
+        max=SETTINGS["lambda_masked"].most,
+        step=10,
+        precision=2,
+        options=set(),
+    )
     window: EnumProperty(
         name="Window",
         description=_description("window", ". They need motion vectors"),
