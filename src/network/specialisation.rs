@@ -124,3 +124,52 @@ dispatch! {
     /// Scales and shifts a row of pixels.
     fn modulate(pieces: &Pieces, channels: usize, codes: &[f32], pixels: &mut [f32]) = modulate_row
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The layers of the embedded weights, with their channels.
+    fn layers() -> [(Specialised, usize); 2] {
+        let weights = Weights::embedded().unwrap();
+        let a = &weights.architecture;
+        let quarter = Specialised::new(&weights, "from_eighth", "lambda_quarter", a.quarter, a.eighth + a.quarter).unwrap();
+        let half = Specialised::new(&weights, "from_quarter", "lambda_half", a.half, a.quarter + a.half).unwrap();
+        [(quarter, a.eighth + a.quarter), (half, a.quarter + a.half)]
+    }
+
+    fn input(channels: usize) -> Activation {
+        let mut input = Activation::new(3, 37, channels);
+        let values = input.as_mut_slice().iter_mut().enumerate();
+        values.for_each(|(i, v)| *v = ((i as u32).wrapping_mul(2_654_435_761) >> 8) as f32 / (1 << 23) as f32 - 1.0);
+        input
+    }
+
+    #[test]
+    fn each_pixels_code_gives_what_its_constant_gives() {
+        let mut knots = 0;
+        for (layer, channels) in layers() {
+            let (input, pieces) = (input(channels), layer.pieces());
+            knots += pieces.knots.len();
+            let at_knots = pieces.knots.iter().map(|knot| 64f32.powf(*knot));
+            let lambdas: Vec<f32> = [1.0, 1.01, 3.0, 8.0, 40.0, 63.9, 64.0].into_iter().chain(at_knots).collect();
+            for isa in Isa::available() {
+                let mixed = Array2::from_shape_fn((3, 37), |(y, x)| code(lambdas[(37 * y + x) % lambdas.len()]));
+                let mut by_pixel = input.same_pool();
+                layer.run(isa, &[Source::new(&input)], &mut by_pixel, Codes::Pixels(mixed.view()));
+                for (i, lambda) in lambdas.iter().enumerate() {
+                    let mut constant = input.same_pool();
+                    layer.run(isa, &[Source::new(&input)], &mut constant, Codes::Constant(*lambda));
+                    let scale = constant.as_slice().iter().fold(0.0f32, |most, v| most.max(v.abs()));
+                    for pixel in (i..3 * 37).step_by(lambdas.len()) {
+                        let (y, x) = (pixel / 37, pixel % 37);
+                        let (a, b) = (by_pixel.view(), constant.view());
+                        let worst = (0..a.dim().2).map(|c| (a[[y, x, c]] - b[[y, x, c]]).abs()).fold(0.0, f32::max);
+                        assert!(worst <= 1e-5 * scale, "{isa:?}, λ {lambda}: {worst} of {scale}");
+                    }
+                }
+            }
+        }
+        assert!(knots > 0, "with one piece alone there is little to compare");
+    }
+}

@@ -1,7 +1,7 @@
 //! The plan of a run, made from headers alone: what to write, with which neighbours, what to skip and why.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use serde::Serialize;
 
