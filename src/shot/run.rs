@@ -10,6 +10,7 @@ use super::cancel::CancelToken;
 use super::events::{Event, Status, Summary};
 use super::file_state::FileState;
 use super::job::Job;
+use super::lambda_image::LambdaImage;
 use super::ledger::Ledger;
 use super::manifest::Manifest;
 use super::output::prepare_folder;
@@ -19,7 +20,6 @@ use super::threads::{Decoded, Work, Written, decode, ends_the_run, write};
 use super::window_cache::{Slot, WindowCache};
 use crate::engine::{Denoised, Dial, EncodedFrame, Engine, LambdaMask, Listener};
 use crate::error::{Error, Result};
-use crate::io::read_lambda_image;
 use crate::rules::checks::{Warning, WarningKind};
 use crate::rules::skip::LeftOut;
 use crate::rules::window::{Availability, WindowFrame, neighbours};
@@ -387,24 +387,6 @@ impl<'a> Run<'a> {
     fn save(&mut self) -> Result<()> {
         self.saved = Instant::now();
         self.ledger.merge(&self.manifest)
-    }
-}
-
-/// An image that is the mask of a frame's λ.
-struct LambdaImage {
-    mask: LambdaMask,
-    /// The file that was read.
-    state: Option<FileState>,
-}
-
-impl LambdaImage {
-    /// Reads that of a frame; None where it has none.
-    fn read(plan: &Plan, target: &PlannedFrame) -> Option<Result<Self>> {
-        let path = target.lambda_image.as_ref()?;
-        let view = plan.sources.good.get(&target.frame)?.views.first()?;
-        let state = FileState::read(path);
-        let image = read_lambda_image(path, (view.rows, view.columns));
-        Some(image.map(|image| Self { mask: LambdaMask::new(image.view()), state }))
     }
 }
 
