@@ -48,7 +48,10 @@ impl FrameSettings {
 
     /// What changed since `old`.
     pub(super) fn changes_since(&self, old: &Self) -> Vec<Change> {
-        let all = SETTINGS.iter().filter(|setting| setting.effect != Effect::Nothing);
+        // That there is a mask now, or none any more, is told by the setting that names it.
+        let masks = self.lambda_masked.is_some() && old.lambda_masked.is_some();
+        let counts = |setting: &&Setting| setting.effect != Effect::Nothing && (masks || setting.name != "lambda_masked");
+        let all = SETTINGS.iter().filter(counts);
         let change = |setting: &'static Setting| {
             let (old, new) = (old.in_words(setting), self.in_words(setting));
             (old != new).then_some(Change { setting, old, new })
