@@ -2,15 +2,15 @@
 //!
 //!     cargo bench --bench denoise [-- --save-baseline NAME | --baseline NAME]
 //!
-//! Compares with the last run, or with the one that has that name. `HUSH_BENCH_COLUMNS`, `HUSH_BENCH_ROWS`, `HUSH_BENCH_WINDOW` and
-//! `HUSH_BENCH_MODEL` (a weights file) change what is measured. Beside OIDN: `python benches/beside_oidn.py`.
+//! Compares with the last run, or with the one that has that name. `HUSH_BENCH_COLUMNS`, `HUSH_BENCH_ROWS`, `HUSH_BENCH_WINDOW`,
+//! `HUSH_BENCH_MODEL` (a weights file) and `HUSH_BENCH_LAMBDA_MAP` (1: λ for each pixel) change what is measured. Beside OIDN: `python benches/beside_oidn.py`.
 //! Predicted and measured numbers stand in benches/NOTES.md.
 
 use std::time::{Duration, Instant};
 
 use criterion::{Criterion, SamplingMode, criterion_group, criterion_main};
 use hush::engine::STAGES;
-use hush::{Engine, Frame, Settings};
+use hush::{Dial, Engine, Frame, LambdaMap, Settings};
 use ndarray::{Array2, Array3};
 
 /// A frame with structure, noise and motion, from a hash of the pixel.
@@ -53,6 +53,9 @@ fn denoise(criterion: &mut Criterion) {
     let encoded: Vec<_> = (0..2 * window + 1).map(|t| engine.encode(frame(rows, columns, t)).expect("encodes")).collect();
     let neighbours: Vec<_> =
         (0..encoded.len()).filter(|t| *t != window).map(|t| (t as i32 - window as i32, &encoded[t])).collect();
+    let lambda = Array2::from_shape_fn((rows, columns), |(y, x)| if (y / 90 + x / 160) % 2 == 0 { 1.0 } else { 16.0 });
+    let map = (setting("HUSH_BENCH_LAMBDA_MAP", 0) > 0).then(|| LambdaMap::new(lambda.view(), 1.0).expect("a map"));
+    let dial = map.as_ref().map_or(Dial::Constant(1.0), Dial::Map);
     let (mut count, mut cpu) = (0, 0.0);
     let mut group = criterion.benchmark_group("denoise");
     group.sampling_mode(SamplingMode::Flat).sample_size(10).warm_up_time(Duration::from_secs(1));
@@ -63,7 +66,7 @@ fn denoise(criterion: &mut Criterion) {
                 let frame = frame(rows, columns, t as usize);
                 let (start, cpu_before) = (Instant::now(), cpu_seconds());
                 let _new = engine.encode(frame).expect("encodes");
-                let denoised = engine.denoise(&encoded[window], &neighbours, 1.0).expect("denoises");
+                let denoised = engine.denoise(&encoded[window], &neighbours, dial).expect("denoises");
                 total += start.elapsed();
                 (count, cpu) = (count + 1, cpu + cpu_seconds() - cpu_before);
                 assert!(denoised.colour.iter().all(|v| v.is_finite()));

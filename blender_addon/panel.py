@@ -17,7 +17,7 @@ _LETTER = 6.5
 # Where a problem is drawn, by its key; all others belong to preparing.
 _STEP_OF = {
     **dict.fromkeys(("frames", "older", "lossy", "first_frame"), 2),
-    **dict.fromkeys(("folder", "space", "library", "lambda", "stale", "failed"), 3),
+    **dict.fromkeys(("folder", "space", "library", "lambda", "lambda_mask", "stale", "failed"), 3),
     **dict.fromkeys(("node", "stereo"), 4),
 }
 
@@ -68,6 +68,11 @@ class RENDER_PT_hush_settings(_HushPanel, bpy.types.Panel):
             layout.label(text=messages.text("lambda_driver_now"), icon="INFO")
         column = layout.column()
         column.use_property_decorate = False
+        column.prop(hush, "lambda_pass")
+        column.prop(hush, "lambda_images")
+        masked = column.row()
+        masked.active = bool(hush.lambda_pass or hush.lambda_images)
+        masked.prop(hush, "lambda_masked", slider=True)
         column.prop(hush, "window")
         column.prop(hush, "use_light_passes")
         column.prop(hush, "keep_noisy")

@@ -44,6 +44,27 @@ class HushShot(bpy.types.PropertyGroup):
         step=10,
         precision=2,
     )
+    lambda_pass: StringProperty(
+        name="λ Mask AOV",
+        description="Shader AOV that is the mask: at 0 λ Noise to Keep holds, at 1 λ in the Mask. Empty: λ Noise to Keep holds everywhere",
+        options=set(),
+    )
+    lambda_images: StringProperty(
+        name="λ Mask Images",
+        description="Images that are the mask, in place of an AOV, with # for the frame's number: //masks/mask_####.exr",
+        subtype="FILE_PATH",
+        options=set(),
+    )
+    lambda_masked: FloatProperty(
+        name="λ in the Mask",
+        description="Noise to keep where the mask is 1; λ Noise to Keep holds where it is 0",
+        default=SETTINGS["lambda_masked"].default,
+        min=SETTINGS["lambda_masked"].least,
+        max=SETTINGS["lambda_masked"].most,
+        step=10,
+        precision=2,
+        options=set(),
+    )
     window: EnumProperty(
         name="Window",
         description=_description("window", ". They need motion vectors"),

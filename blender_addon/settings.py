@@ -45,6 +45,24 @@ SETTINGS: dict[str, Setting] = {
         least=1,
         most=64,
     ),
+    "lambda_masked": Setting(
+        "The lambda of what a mask marks, where lambda pass or lambda images name one; may change over the shot as lambda does",
+        default=16,
+        least=1,
+        most=64,
+    ),
+    "lambda_pass": Setting(
+        "The pass that is the mask, such as a shader AOV: 0 keeps lambda, 1 has lambda masked, between them both are mixed",
+        default=None,
+        least=None,
+        most=None,
+    ),
+    "lambda_images": Setting(
+        "Images that are the mask, such as masks/mask_####.exr, instead of a pass",
+        default=None,
+        least=None,
+        most=None,
+    ),
     "window": Setting(
         "Frames on each side that help, 0 to 3",
         default=None,

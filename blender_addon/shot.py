@@ -138,6 +138,7 @@ def settings(scene: bpy.types.Scene, file: Path | None) -> tuple[dict[str, Any],
         "vector_layer": vectors,
         "aovs": ["all"] if scene.hush.use_light_passes else [],
         "keep_noisy": bool(scene.hush.keep_noisy),
+        **lambda_mask(scene),
     }
     lacking = {"layers": " and ".join(strange), "there": ", ".join(sorted(there))}
     return chosen, [messages.text("strange_layers", file=file.name, **lacking)] if strange else []
@@ -187,7 +188,9 @@ def render_size(scene: bpy.types.Scene) -> tuple[int, int] | None:
 
 def is_relative(scene: bpy.types.Scene) -> bool:
     """Whether the scene's folders move with its file."""
-    return any(path.startswith("//") for path in (scene.render.filepath, scene.hush.input_folder, scene.hush.output_folder))
+    hush = scene.hush
+    paths = (scene.render.filepath, hush.input_folder, hush.output_folder, hush.lambda_images)
+    return any(path.startswith("//") for path in paths)
 
 
 def window(scene: bpy.types.Scene) -> int | None:
@@ -221,6 +224,15 @@ def lambda_keys(scene: bpy.types.Scene) -> float | dict[int, float]:
     values = {frame: _evaluate(scene, curve, frame) for frame in frame_range(scene)}
     distinct = set(values.values())
     return distinct.pop() if len(distinct) == 1 else values
+
+
+def lambda_mask(scene: bpy.types.Scene) -> dict[str, Any]:
+    """The mask of λ as arguments of `hush.denoise_sequence` and `hush.preview`; none where the scene has no mask."""
+    images, name = scene.hush.lambda_images.strip(), scene.hush.lambda_pass.strip()
+    if not images and not name:
+        return {}
+    mask = {"lambda_images": str(_absolute(scene, images))} if images else {"lambda_pass": name}
+    return {**mask, "lambda_masked": scene.hush.lambda_masked}
 
 
 def _evaluate(scene: bpy.types.Scene, curve: bpy.types.FCurve | None, frame: int) -> float:

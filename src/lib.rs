@@ -63,7 +63,7 @@ mod words;
 
 pub use engine::{Denoised, EncodedFrame, Engine, Settings};
 pub use error::{Error, Result};
-pub use frame::{Aov, Frame, FrameView};
+pub use frame::{Aov, Dial, Frame, FrameView, LambdaMap, LambdaMask};
 
 /// What only this project's own tests and benches use; it may change at any time.
 #[cfg(feature = "internals")]

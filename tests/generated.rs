@@ -101,6 +101,7 @@ fn keyword(setting: &Setting) -> Option<(String, &'static str, String)> {
             let known: Vec<&str> = SETTINGS.iter().filter_map(|s| s.name.strip_prefix("passes.")).collect();
             format!("What the passes are called where not as Blender calls them, by {}", known.join(", "))
         }
+        Kind::Lambda if setting.name != "lambda" => format!("{}: a number, or a mapping from frame number to it", setting.help()),
         Kind::Lambda => {
             "How much noise and hidden detail to keep, from 1 (cleanest) to 64, or a mapping from frame number to it: linear \
                          between its keys, constant before the first and after the last"

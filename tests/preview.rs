@@ -19,7 +19,7 @@ fn sample() -> Sequence {
 
 fn request(frame: i64, windows: &[usize], region: Option<&str>) -> Request {
     let region = region.map(|text| text.parse().unwrap());
-    Request { frame, lambdas: vec![2.0], windows: windows.to_vec(), region, flicker: false }
+    Request { frame, lambdas: vec![2.0], lambda_masked: None, windows: windows.to_vec(), region, flicker: false }
 }
 
 fn made(sequence: &Sequence, request: &Request) -> Result<Preview, Error> {

@@ -194,6 +194,7 @@ fn better_frames_are_not_replaced_by_worse_ones() {
         noisy_image: false,
         compression: exr::prelude::Compression::ZIP16,
         layers: &["ViewLayer", "Sharp"],
+        mask: None,
     };
     let shot = Shot::new(1..=3, TWO);
     let mut with_vectors = shot.job();

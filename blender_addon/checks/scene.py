@@ -34,6 +34,7 @@ def scene_problems(scene: bpy.types.Scene) -> Iterator[Problem]:
     yield from _output_problems(scene)
     yield from _stereo_problems(scene)
     yield from _lambda_problems(scene)
+    yield from _lambda_mask_problems(scene)
     yield from _node_problems(scene)
     yield from _problems_with_others(scene)
 
@@ -97,6 +98,16 @@ def _lambda_problems(scene: bpy.types.Scene) -> Iterator[Problem]:
         outside = [frame for frame in shot.frame_range(scene) if not low <= round(curve.evaluate(frame), 4) <= high]
         if outside:
             yield problem("lambda", "lambda_outside", value=curve.evaluate(outside[0]), frame=outside[0], low=low, high=high)
+
+
+def _lambda_mask_problems(scene: bpy.types.Scene) -> Iterator[Problem]:
+    name = scene.hush.lambda_pass.strip()
+    if name and scene.hush.lambda_images.strip():
+        yield problem("lambda_mask", "lambda_mask_both", INFO, name=name)
+    elif name and scene.render.engine == "CYCLES" and not scene.hush.input_folder:
+        aovs = {layer: {aov.name for aov in scene.view_layers[layer].aovs} for layer in shot.layers(scene)}
+        if not any(name in there for there in aovs.values()):
+            yield problem("lambda_mask", "lambda_mask_missing", ERROR, layer=" and ".join(aovs), name=name)
 
 
 def _node_problems(scene: bpy.types.Scene) -> Iterator[Problem]:

@@ -70,6 +70,7 @@ def arguments(scene: bpy.types.Scene, view_layer: str, *, flicker: bool = False)
             "inputs": str(pattern),
             "frame": frame,
             "lam": shot.lambda_at(scene, frame),
+            **shot.lambda_mask(scene),
             "window": shot.window(scene),
             "flicker": flicker,
             "layers": [view_layer] if view_layer in layers else layers[:1],

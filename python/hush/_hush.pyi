@@ -43,7 +43,7 @@ def denoise(
     depth: _Floats | None = None,
     vector: _Floats | None = None,
     *,
-    lam: float = 1.0,
+    lam: float | _Floats = 1.0,
     out: _Image | None = None,
     memory: int | None = None,
     threads: int | None = None,
@@ -86,7 +86,7 @@ class Denoiser:
         vector: _Floats | None = None,
         *,
         aovs: dict[str, _Floats] | None = None,
-        lam: float | None = None,
+        lam: float | _Floats | None = None,
         tag: object = None,
     ) -> list[Denoised]: ...
     def flush(self) -> list[Denoised]: ...

@@ -22,6 +22,14 @@ class ShotSettings(TypedDict, total=False):
     """A USD stage to take settings from, `shot.usda` or `shot.usda@/Render/Pass`, in place of the one that the settings file names."""
     enable: bool | None
     """Denoise the shot at all; true denoises also where other settings of the shot say false. Default: true."""
+    lambda_masked: float | Mapping[int, float] | None
+    """The lambda of what a mask marks, where lambda pass or lambda images name one; may change over the shot as lambda does: a
+    number, or a mapping from frame number to it. Default: 16."""
+    lambda_pass: str | None
+    """The pass that is the mask, such as a shader AOV: 0 keeps lambda, 1 has lambda masked, between them both are mixed. Default:
+    none."""
+    lambda_images: Path | None
+    """Images that are the mask, such as masks/mask_####.exr, instead of a pass. Default: none."""
     layers: str | Sequence[str] | None
     """View layers to denoise, or all. Default: the one with the most samples."""
     view: str | None

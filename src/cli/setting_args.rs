@@ -32,10 +32,12 @@ impl Offered for OfPreviews {
     const WITHOUT: &'static [&'static str] = &NOT_OF_A_PREVIEW;
 }
 impl Offered for OfSurveys {
-    const WITHOUT: &'static [&'static str] = &["enable", "output", "lambda", "keep_noisy"];
+    const WITHOUT: &'static [&'static str] =
+        &["enable", "output", "lambda", "lambda_masked", "lambda_pass", "lambda_images", "keep_noisy"];
 }
 impl Offered for OfReports {
-    const WITHOUT: &'static [&'static str] = &["enable", "output", "lambda", "window", "aovs", "keep_noisy", "skip"];
+    const WITHOUT: &'static [&'static str] =
+        &["enable", "output", "lambda", "lambda_masked", "lambda_pass", "lambda_images", "window", "aovs", "keep_noisy", "skip"];
 }
 impl Offered for OfLayers {
     const WITHOUT: &'static [&'static str] = &["output"];

@@ -147,7 +147,7 @@ fn write(args: &WriteArgs) -> Result<Exit> {
     settings
         .notes
         .iter()
-        .chain(&settings.values.lambda.as_ref().and_then(|l| l.note()))
+        .chain(&settings.values.lambda_notes())
         .for_each(|note| say(format_args!("warning: {}", with_options(note))));
     let text = usd::write(&args.output, &settings, args.prim.as_deref(), args.sublayer.as_deref())?;
     write_atomically(&args.output, |file| {

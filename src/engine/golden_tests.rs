@@ -2,11 +2,11 @@
 
 use std::collections::HashMap;
 
-use ndarray::{Array, Array3, ArrayD, ArrayView, Dimension, Ix3, Ix4, s};
+use ndarray::{Array, Array3, ArrayD, ArrayView, Dimension, Ix2, Ix3, Ix4, s};
 use safetensors::SafeTensors;
 
 use super::*;
-use crate::frame::Frame;
+use crate::frame::{Frame, LambdaMap};
 use crate::kernels::planes::Planes;
 use crate::network::features::Stored;
 
@@ -90,9 +90,11 @@ fn every_stage_agrees_with_pytorch_on_every_isa() {
             let offsets: Vec<i32> = case.0["offsets"].iter().map(|o| *o as i32).filter(|o| *o != 0).collect();
             let at = |offset: i32| &frames[centre.checked_add_signed(offset as isize).unwrap()];
             let neighbours: Vec<(i32, &EncodedFrame)> = offsets.iter().map(|o| (*o, at(*o))).collect();
-            let lambda = case.0["lambda"][0];
+            let map =
+                case.0.contains_key("lambda_map").then(|| LambdaMap::new(case.get::<Ix2>("lambda_map").view(), 1.0).unwrap());
+            let dial = map.as_ref().map_or_else(|| Dial::Constant(case.0["lambda"][0]), Dial::Map);
             compare(&what("features"), image_of_features(&frames[centre].features).view(), case.get("features"));
-            let stages = engine.stages(&frames[centre], &neighbours, lambda);
+            let stages = engine.stages(&frames[centre], &neighbours, dial);
             for (features, name) in stages.features.iter().zip(["half_features", "quarter_features", "eighth_features"]).rev() {
                 compare(&what(name), features.view(), case.get(name));
             }
@@ -100,7 +102,7 @@ fn every_stage_agrees_with_pytorch_on_every_isa() {
                 compare(&what(name), image_of(planes).view(), case.get(name));
             }
             assert_eq!(stages.coarse.len(), 3);
-            let denoised = engine.denoise(&frames[centre], &neighbours, lambda).unwrap();
+            let denoised = engine.denoise(&frames[centre], &neighbours, dial).unwrap();
             compare(&what("image"), denoised.colour.view(), case.get("image"));
         }
     }

@@ -8,10 +8,11 @@ pub use settings::Settings;
 pub use steps::{Listener, SILENT};
 
 use crate::error::{Error, Result};
-pub use crate::frame::Denoised;
+use crate::frame::lambda_map::in_range;
 use crate::frame::packed::PackedFrame;
 pub use crate::frame::packed::Scales;
 use crate::frame::ranges::Ranges;
+pub use crate::frame::{Denoised, Dial, LambdaMask};
 use crate::memory::BufferPool;
 use crate::network::body::Body;
 use crate::network::encoder::Encoder;
@@ -22,7 +23,6 @@ use crate::network::temporal::Temporal;
 use crate::network::warp::any_trusted;
 pub use crate::network::weights::Weights;
 pub use crate::rules::skip::{LeftOut, RULES, Rule, Skip};
-use crate::rules::window::LAMBDA_RANGE;
 pub use crate::simd::Isa;
 
 /// What one frame's denoising holds, in bytes.
@@ -45,6 +45,11 @@ impl EncodedFrame {
     /// Bytes that this frame holds.
     pub fn bytes(&self) -> usize {
         self.packed.bytes() + self.ranges.bytes() + self.features.bytes()
+    }
+
+    /// Which pixels have another λ, where the frame came with a mask.
+    pub fn lambda_mask(&self) -> Option<&LambdaMask> {
+        self.packed.lambda_mask.as_ref()
     }
 
     /// Whether the frame came with motion vectors.
@@ -179,7 +184,8 @@ impl Engine {
     ///
     /// `neighbours` are (offset, frame) with offset −3…3 except 0, in any order; a neighbour farther than one frame needs those
     /// between, to chain motion vectors through, and is left out without them, as is one of another size or with other AOVs.
-    /// `lambda` is in 1…64: greater is clamped, less or NaN refused. Frames encoded for a network of another width are refused.
+    /// `lambda` is in 1…64, greater is clamped, less or NaN refused; or a [`LambdaMap`](crate::LambdaMap) of `centre`'s size. Frames
+    /// encoded for a network of another width are refused.
     ///
     /// ```
     /// # use hush::{Engine, Error, Frame, Settings};
@@ -190,32 +196,33 @@ impl Engine {
     /// assert!(matches!(engine.denoise(&frame, &[], 0.5), Err(Error::BadSetting { name: "lambda", .. })));
     /// # Ok::<(), Error>(())
     /// ```
-    pub fn denoise(&self, centre: &EncodedFrame, neighbours: &[(i32, &EncodedFrame)], lambda: f32) -> Result<Denoised> {
+    pub fn denoise<'d>(
+        &self,
+        centre: &EncodedFrame,
+        neighbours: &[(i32, &EncodedFrame)],
+        lambda: impl Into<Dial<'d>>,
+    ) -> Result<Denoised> {
         self.denoise_with(centre, neighbours, lambda, self.settings.skip, SILENT).map(|(denoised, _)| denoised)
     }
 
     /// As [`denoise`](Self::denoise), leaving out what `skip` says instead of what the settings say; also what that came to.
     /// `listener` hears how far it is, 0…1 and rising, between the stages of each tile, on a thread that computes.
-    pub fn denoise_with(
+    pub fn denoise_with<'d>(
         &self,
         centre: &EncodedFrame,
         neighbours: &[(i32, &EncodedFrame)],
-        lambda: f32,
+        lambda: impl Into<Dial<'d>>,
         skip: Skip,
         listener: Listener<'_>,
     ) -> Result<(Denoised, LeftOut)> {
-        let (least, most) = LAMBDA_RANGE;
-        if lambda.is_nan() || lambda < least {
-            return Err(Error::BadSetting { name: "lambda", reason: format!("{lambda} is not in {least}…{most}") });
-        }
-        let lambda = lambda.min(most);
+        let dial = checked(lambda.into(), centre)?;
         if neighbours.iter().map(|n| n.1).chain([centre]).any(|f| f.features.shape().2 != self.features) {
             return Err(Error::BadInput {
                 input: "frame".into(),
                 reason: "was only looked at, or encoded for another network: encode it".into(),
             });
         }
-        Ok(self.in_pool(|| self.run(&self.work(centre, neighbours, skip), lambda, listener)))
+        Ok(self.in_pool(|| self.run(&self.work(centre, neighbours, skip), dial, listener)))
     }
 
     /// What `skip` leaves out of `centre`; arguments as for [`denoise`](Self::denoise), and frames that were only
@@ -256,6 +263,20 @@ impl Engine {
     fn kernel_reach(&self) -> usize {
         kernel_reach(self.widths, self.levels)
     }
+}
+
+/// The dial in its range, for a frame; a map with one value is that value, which costs nothing for each pixel.
+fn checked<'d>(dial: Dial<'d>, centre: &EncodedFrame) -> Result<Dial<'d>> {
+    let map = match dial {
+        Dial::Constant(lambda) => return in_range(lambda).map(Dial::Constant),
+        Dial::Map(map) => map,
+    };
+    let (rows, columns) = (centre.packed.rows, centre.packed.columns);
+    let (found_rows, found_columns) = map.size();
+    if (found_rows, found_columns) != (rows, columns) {
+        return Err(Error::SizeMismatch { what: "the map of lambda".into(), columns, rows, found_columns, found_rows });
+    }
+    Ok(map.constant().map_or(dial, Dial::Constant))
 }
 
 mod clock;

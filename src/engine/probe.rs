@@ -2,6 +2,7 @@
 
 use super::steps::{SILENT, Steps};
 use super::{EncodedFrame, Engine};
+use crate::frame::Dial;
 use crate::frame::packed::PackedFrame;
 use crate::kernels::FULL_PHASES;
 use crate::kernels::planes::Planes;
@@ -58,7 +59,7 @@ impl Engine {
     pub(crate) fn probe(&self, centre: &EncodedFrame, neighbours: &[(i32, &EncodedFrame)], lambda: f32) -> Probe {
         let plan = self.work(centre, neighbours, self.settings.skip);
         let region = Rect { row: 0, column: 0, rows: centre.packed.padded_rows / 2, columns: centre.packed.padded_columns / 2 };
-        let stages = self.tile(&plan, Tile { core: region, region }, lambda, Steps::whole(SILENT));
+        let stages = self.tile(&plan, Tile { core: region, region }, Dial::Constant(lambda), Steps::whole(SILENT));
         let margins = Margins::new(self.widths[0].max(self.widths[1]).max(self.widths[3]), self.widths[2]);
         let used = plan.paths.iter().zip(&stages.used).filter(|(_, used)| **used).map(|(path, _)| path);
         let (offsets, seen): (Vec<i32>, Vec<(&Features, Warped)>) = used

@@ -7,6 +7,7 @@ use super::clock::Stage;
 use super::paths::Path;
 use super::steps::{Mark, Steps};
 use super::work::FrameWork;
+use crate::frame::Dial;
 use crate::frame::packed::PackedFrame;
 use crate::kernels::planes::Planes;
 use crate::layers::Activation;
@@ -32,7 +33,7 @@ pub(super) struct Stages {
 }
 
 impl Engine {
-    pub(super) fn tile(&self, work: &FrameWork, tile: Tile, lambda: f32, steps: Steps<'_>) -> Stages {
+    pub(super) fn tile(&self, work: &FrameWork, tile: Tile, dial: Dial, steps: Steps<'_>) -> Stages {
         let (centre, channels, skip, region) = (work.centre, work.channels, work.skip, tile.region);
         let margins = Margins::new(self.widths[0].max(self.widths[1]).max(self.widths[3]), self.widths[2]);
         let seen = work.paths.iter().enumerate().map(|(index, path)| {
@@ -64,7 +65,7 @@ impl Engine {
             (mixed, [quarter, eighth])
         });
         steps.reached(Mark::TEMPORAL);
-        let features = self.clock.time(Stage::Body, || self.body.run(self.isa, mixed, lambda));
+        let features = self.clock.time(Stage::Body, || self.body.run(self.isa, mixed, (dial, region)));
         steps.reached(Mark::BODY);
         let levels = Levels {
             isa: self.isa,
@@ -86,7 +87,7 @@ impl Engine {
     }
 
     #[cfg(test)]
-    pub(super) fn stages(&self, centre: &super::EncodedFrame, neighbours: &[(i32, &super::EncodedFrame)], lambda: f32) -> Stages {
+    pub(super) fn stages(&self, centre: &super::EncodedFrame, neighbours: &[(i32, &super::EncodedFrame)], dial: Dial) -> Stages {
         let work = self.work(centre, neighbours, self.settings.skip);
         let whole = crate::tiles::Rect {
             row: 0,
@@ -94,6 +95,6 @@ impl Engine {
             rows: centre.packed.padded_rows / 2,
             columns: centre.packed.padded_columns / 2,
         };
-        self.tile(&work, Tile { core: whole, region: whole }, lambda, Steps::whole(super::SILENT))
+        self.tile(&work, Tile { core: whole, region: whole }, dial, Steps::whole(super::SILENT))
     }
 }

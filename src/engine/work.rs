@@ -6,6 +6,7 @@ use super::paths::{Path, paths};
 use super::steps::{Listener, Steps};
 use super::unpack::{own_pixels, unpack};
 use super::{Denoised, EncodedFrame, Engine, LeftOut, Skip, Stage};
+use crate::frame::Dial;
 use crate::kernels::Channels;
 use crate::network::warp::EXTRAS;
 use crate::tiles::active::{RangePath, active_blocks};
@@ -68,7 +69,7 @@ impl Engine {
         FrameWork { centre, paths, channels, parts, skip, left_out }
     }
 
-    pub(super) fn run(&self, work: &FrameWork, lambda: f32, listener: Listener<'_>) -> (Denoised, LeftOut) {
+    pub(super) fn run(&self, work: &FrameWork, dial: Dial, listener: Listener<'_>) -> (Denoised, LeftOut) {
         let FrameWork { centre, paths, channels, .. } = work;
         let packed = &centre.packed;
         let (half_rows, half_columns) = (packed.padded_rows / 2, packed.padded_columns / 2);
@@ -77,7 +78,7 @@ impl Engine {
         self.buffers.keep_at_most(if tiles.len() == 1 { TILE_MEMORY.1 as usize } else { tile / 4 });
         let covered = tiles.iter().map(|t| t.core.area()).sum::<usize>() == half_rows * half_columns;
         if let ([whole], true) = (&tiles[..], covered) {
-            let stages = self.tile(work, *whole, lambda, Steps::whole(listener));
+            let stages = self.tile(work, *whole, dial, Steps::whole(listener));
             return (self.clock.time(Stage::Unpack, || unpack(stages.image, packed, channels)), work.left_out(&stages.used));
         }
         let size = (packed.padded_rows, packed.padded_columns, channels.values);
@@ -86,7 +87,7 @@ impl Engine {
         let (all, mut done) = (tiles.iter().map(|t| t.region.area()).sum::<usize>() as f64, 0.0);
         for tile in tiles {
             let steps = Steps { listener, before: done, share: tile.region.area() as f64 / all };
-            let stages = self.tile(work, tile, lambda, steps);
+            let stages = self.tile(work, tile, dial, steps);
             done += steps.share;
             let c = tile.core;
             out.slice_mut(s![2 * c.row..2 * (c.row + c.rows), 2 * c.column..2 * (c.column + c.columns), ..])

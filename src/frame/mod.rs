@@ -1,6 +1,7 @@
 //! One frame's passes in memory.
 
 pub(crate) mod exposure;
+pub(crate) mod lambda_map;
 pub(crate) mod packed;
 pub(crate) mod pixels;
 pub(crate) mod ranges;
@@ -11,6 +12,7 @@ use std::ops::Range;
 use ndarray::{Array2, Array3, ArrayView2, ArrayView3, s};
 
 use crate::error::{Error, Result};
+pub use lambda_map::{Dial, LambdaMap, LambdaMask};
 
 /// An additive light pass (a contribution to the beauty) that is denoised with the beauty's kernels.
 #[derive(Clone, Debug)]
@@ -38,12 +40,15 @@ pub struct Frame {
     pub vector: Option<Array3<f32>>,
     /// Light passes that are denoised with the same kernels.
     pub aovs: Vec<Aov>,
+    /// Which pixels have another λ, 0…1, (rows, columns); kept with the encoded frame as a [`LambdaMask`].
+    pub lambda_mask: Option<Array2<f32>>,
 }
 
 impl Frame {
     /// A frame of a beauty alone.
     pub fn new(colour: Array3<f32>) -> Self {
-        Self { colour, alpha: None, albedo: None, normal: None, depth: None, vector: None, aovs: Vec::new() }
+        let (alpha, depth, lambda_mask) = (None, None, None);
+        Self { colour, alpha, albedo: None, normal: None, depth, vector: None, aovs: Vec::new(), lambda_mask }
     }
 
     /// Rows and columns.
@@ -66,6 +71,7 @@ impl Frame {
             depth: self.depth.as_ref().map(|p| p.view()),
             vector: self.vector.as_ref().map(|p| p.view()),
             aovs: self.aovs.iter().map(|a| (a.name.as_str(), a.image.view())).collect(),
+            lambda_mask: self.lambda_mask.as_ref().map(|p| p.view()),
         }
     }
 }
@@ -98,6 +104,8 @@ pub struct FrameView<'a> {
     pub vector: Option<ArrayView3<'a, f32>>,
     /// Light passes: name, and image (rows, columns, 3).
     pub aovs: Vec<(&'a str, ArrayView3<'a, f32>)>,
+    /// (rows, columns).
+    pub lambda_mask: Option<ArrayView2<'a, f32>>,
 }
 
 impl<'a> FrameView<'a> {
@@ -118,6 +126,7 @@ impl<'a> FrameView<'a> {
             depth: self.depth.as_ref().map(plane),
             vector: self.vector.as_ref().map(image),
             aovs: self.aovs.iter().map(|(name, pass)| (*name, image(pass))).collect(),
+            lambda_mask: self.lambda_mask.as_ref().map(plane),
         }
     }
 
@@ -130,6 +139,7 @@ impl<'a> FrameView<'a> {
         shapes.extend(self.vector.as_ref().map(|p| ("vector", p.dim(), 4)));
         shapes.extend(self.depth.as_ref().map(|p| ("depth", (p.dim().0, p.dim().1, 1), 1)));
         shapes.extend(self.alpha.as_ref().map(|p| ("alpha", (p.dim().0, p.dim().1, 1), 1)));
+        shapes.extend(self.lambda_mask.as_ref().map(|p| ("lambda mask", (p.dim().0, p.dim().1, 1), 1)));
         shapes.extend(self.aovs.iter().map(|(name, image)| (*name, image.dim(), 3)));
         for (what, (r, c, channels), expected) in shapes {
             if (r, c) != (rows, columns) {

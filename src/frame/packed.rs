@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::FrameView;
 use super::exposure::exposure;
+use super::lambda_map::LambdaMask;
 use super::pixels::Pixels;
 use super::sanitise::{MAX_RADIANCE, bounded, front, radiance};
 use crate::error::Result;
@@ -44,6 +45,8 @@ pub struct PackedFrame {
     pub aov_names: Vec<String>,
     /// Vector pass X, Y, Z, W.
     pub vectors: Option<Pixels<4>>,
+    /// Which pixels have another λ.
+    pub lambda_mask: Option<LambdaMask>,
 }
 
 /// The guides as the encoder sees them, at the frame's own size.
@@ -120,13 +123,27 @@ impl PackedFrame {
         let vectors = frame.vector.as_ref().map(|v| pack_vectors(*v, padded_rows, padded_columns, pool));
         let exposure = scales.exposure;
         let aov_names = frame.aovs.iter().map(|(name, _)| name.to_string()).collect();
-        Ok(Self { rows, columns, padded_rows, padded_columns, exposure, groups, extra, has_alpha, aov_names, vectors })
+        let lambda_mask = frame.lambda_mask.map(LambdaMask::new);
+        Ok(Self {
+            rows,
+            columns,
+            padded_rows,
+            padded_columns,
+            exposure,
+            groups,
+            extra,
+            has_alpha,
+            aov_names,
+            vectors,
+            lambda_mask,
+        })
     }
 
     /// Bytes that this frame holds.
     pub fn bytes(&self) -> usize {
         let pixels = self.padded_rows * self.padded_columns;
-        pixels * (32 * self.groups.len() + if self.vectors.is_some() { 16 } else { 0 })
+        let mask = self.lambda_mask.as_ref().map_or(0, LambdaMask::bytes);
+        pixels * (32 * self.groups.len() + if self.vectors.is_some() { 16 } else { 0 }) + mask
     }
 }
 

@@ -14,12 +14,12 @@ use super::selection::{Selection, made_for_vectors};
 use super::validate::is_complete;
 use super::write::caveats;
 use crate::error::Result;
-use crate::frame::Frame;
+use crate::frame::{Frame, LambdaMask};
 
 /// A pass and what it is used for.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Use {
-    /// `colour`, `albedo`, `normal`, `depth`, `vector`, `light pass` or `written to`.
+    /// `colour`, `albedo`, `normal`, `depth`, `vector`, `lambda mask`, `light pass` or `written to`.
     pub purpose: String,
     /// Such as `ViewLayer.Combined`.
     pub pass: String,
@@ -80,7 +80,7 @@ pub fn inspect_with(path: &Path, selection: &Selection) -> Result<Inspection> {
 
 fn uses(r: &Resolved) -> Vec<Use> {
     let guides = [("colour", Some(&r.colour)), ("albedo", r.albedo.as_ref()), ("normal", r.normal.as_ref())];
-    let more = [("depth", r.depth.as_ref()), ("vector", r.vector.as_ref())];
+    let more = [("depth", r.depth.as_ref()), ("vector", r.vector.as_ref()), ("lambda mask", r.lambda_mask.as_ref())];
     let lights = r.aovs.iter().map(|a| ("light pass", Some(&a.pass)));
     let all = guides.into_iter().chain(more).chain(lights).chain([("written to", Some(&r.target))]);
     let entry = |(purpose, pass): (&str, Option<&PassRef>)| pass.map(|p| Use { purpose: purpose.into(), pass: p.label() });
@@ -130,6 +130,10 @@ fn pixel_notes(r: &Resolved, frame: &Frame) -> Vec<String> {
                 .into(),
         );
     }
+    let mask = r.lambda_mask.as_ref().zip(frame.lambda_mask.as_ref());
+    notes.extend(
+        mask.and_then(|(pass, mask)| Some(format!("The lambda pass {} {}.", pass.label(), LambdaMask::new(mask.view()).note()?))),
+    );
     let bad = frame.colour.iter().filter(|v| !v.is_finite()).count();
     if bad > 0 {
         notes.push(format!("{bad} colour values are NaN or infinite; they are cleaned before denoising."));

@@ -9,6 +9,7 @@ mod container;
 mod exr_file;
 mod guides;
 mod inspect;
+mod lambda_mask;
 mod layout;
 mod lights;
 mod names;
@@ -28,6 +29,8 @@ mod write;
 
 pub use atomic::{is_part_file, write_atomically};
 pub use inspect::{Inspection, inspect, inspect_with};
+pub use lambda_mask::LambdaImages;
+pub(crate) use lambda_mask::read_lambda_image;
 pub use layout::{Channel, Layout, Part, Pass, SampleType, ViewLayer, read_layout};
 pub(crate) use numbering::{NumberPattern, split_number};
 pub use pass_names::PassNames;

@@ -32,6 +32,12 @@ impl NumberPattern {
         }
     }
 
+    /// The name of a number's file.
+    pub fn name(&self, number: i64) -> String {
+        // The sign counts towards the width, as printf and Blender have it.
+        format!("{}{number:0width$}{}", self.prefix, self.suffix, width = self.digits)
+    }
+
     /// The number of a file that matches, and its digits.
     pub fn number(&self, name: &str) -> Option<(i64, usize)> {
         let middle = name.strip_prefix(self.prefix.as_str())?.strip_suffix(self.suffix.as_str())?;

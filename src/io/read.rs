@@ -30,6 +30,7 @@ pub fn read_frame(layout: &Layout, resolved: &Resolved) -> Result<Frame> {
         optional(&r.normal),
         optional(&r.depth),
         optional(&r.vector),
+        optional(&r.lambda_mask),
     ];
     for aov in &r.aovs {
         wanted.push(aov.pass.channels.clone());
@@ -41,6 +42,7 @@ pub fn read_frame(layout: &Layout, resolved: &Resolved) -> Result<Frame> {
     let plane = |image: Array3<f32>| image.index_axis_move(Axis(2), 0);
     let alpha = next().map(plane).filter(|alpha| alpha.iter().any(|&a| a != 1.0));
     let (albedo, normal, depth, vector) = (next(), next(), next().map(plane), next());
+    let lambda_mask = next().map(plane);
     let mut aovs = Vec::new();
     for aov in &r.aovs {
         let (pass, colour) = (next(), next());
@@ -50,7 +52,7 @@ pub fn read_frame(layout: &Layout, resolved: &Resolved) -> Result<Frame> {
         }
         aovs.push(Aov { name: aov.name.clone(), image });
     }
-    Ok(Frame { colour, alpha, albedo, normal, depth, vector, aovs })
+    Ok(Frame { colour, alpha, albedo, normal, depth, vector, aovs, lambda_mask })
 }
 
 /// Opens a file whose layout is known, and makes sure that it is still the same file.

@@ -92,6 +92,8 @@ pub struct Resolved {
     pub vector: Option<PassRef>,
     /// The light passes that are denoised along.
     pub aovs: Vec<AovRef>,
+    /// The mask of λ, one channel.
+    pub lambda_mask: Option<PassRef>,
     /// Guides that were asked for and are not there.
     pub missing: Vec<Missing>,
     /// What the user should know about these choices.
@@ -101,7 +103,7 @@ pub struct Resolved {
 impl Resolved {
     /// Every channel that is read.
     pub fn channels(&self) -> impl Iterator<Item = &Channel> {
-        let guides = [&self.albedo, &self.normal, &self.depth, &self.vector].into_iter().flatten();
+        let guides = [&self.albedo, &self.normal, &self.depth, &self.vector, &self.lambda_mask].into_iter().flatten();
         let lights = self.aovs.iter().flat_map(|a| [Some(&a.pass), a.colour.as_ref()]).flatten();
         [&self.colour].into_iter().chain(guides).chain(lights).flat_map(|p| &p.channels).chain(&self.alpha)
     }

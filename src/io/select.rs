@@ -1,6 +1,7 @@
 //! Which of a file's passes feed the denoiser, and which pass receives the result.
 
 use super::guides::{self, FoundGuides};
+use super::lambda_mask;
 use super::layout::{Layout, Pass};
 use super::lights;
 use super::resolved::{PassRef, Resolved};
@@ -11,7 +12,8 @@ use crate::error::Result;
 /// Decides what is read and written.
 ///
 /// # Errors
-/// [`Error::MissingPass`](crate::Error::MissingPass) if the file has no beauty, or lacks a layer, view or light pass that was asked for.
+/// [`Error::MissingPass`](crate::Error::MissingPass) if the file has no beauty, or lacks a layer, view, light pass or mask of λ
+/// that was asked for; [`Error::SizeMismatch`](crate::Error::SizeMismatch) if that mask has another size.
 pub fn resolve(layout: &Layout, selection: &Selection) -> Result<Resolved> {
     let layer = pick_layer(layout, selection)?;
     let view = pick_view(layout, layer, selection)?;
@@ -38,6 +40,9 @@ pub fn resolve(layout: &Layout, selection: &Selection) -> Result<Resolved> {
     let window = colour_ref.data_window(layout);
     let found = guides::find(layout, layer, view, selection, window)?;
     let (aovs, missing_lights) = lights::find(layout, layer, view, &selection.aovs, window)?;
+
+    let lambda_pass = selection.lambda_pass.as_deref().filter(|_| selection.lambda_images.is_none());
+    let lambda_mask = lambda_pass.map(|name| lambda_mask::find(layout, layer, view, name, window)).transpose()?;
 
     let others = candidates(layout, names).filter(|l| is_ordinary(l)).map(|l| l.name.as_str());
     let others: Vec<&str> = others.filter(|n| *n != layer.name).collect();
@@ -76,6 +81,7 @@ pub fn resolve(layout: &Layout, selection: &Selection) -> Result<Resolved> {
         depth,
         vector,
         aovs,
+        lambda_mask,
         missing: missing.into_iter().chain(missing_lights).collect(),
         notes,
     })

@@ -1,5 +1,6 @@
 //! What the user wants of a file: view layers, guides, light passes, and what the passes are called.
 
+use super::lambda_mask::LambdaImages;
 use super::pass_names::PassNames;
 
 /// The pass that holds the noisy beauty where Cycles denoised Combined.
@@ -41,6 +42,10 @@ pub struct Selection {
     pub guides: Guides,
     /// Light passes to denoise along with the beauty, by Blender 5's or 4's names, or `all`.
     pub aovs: Vec<String>,
+    /// The pass that holds the mask of λ, 0…1, by its name or as `Layer.name`.
+    pub lambda_pass: Option<String>,
+    /// Images that hold the mask of λ; the pass is not looked at then.
+    pub lambda_images: Option<LambdaImages>,
     /// What the passes are called, where not as Blender calls them.
     pub passes: PassNames,
     /// Denoise `Combined` even where the file also holds `Noisy Image`, that is, where `Combined` is denoised already.

@@ -1,11 +1,15 @@
 //! The body: residual blocks at half, quarter and eighth resolution and back, then loss specialisation.
 
+use ndarray::{Array2, ArrayView2, s};
+
 use super::residual::Residual;
-use super::specialisation::Specialised;
+use super::specialisation::{Codes, Specialised};
 use super::weights::Weights;
 use crate::error::Result;
+use crate::frame::Dial;
 use crate::layers::{Activation, Conv, Epilogue, Source};
 use crate::simd::Isa;
+use crate::tiles::Rect;
 
 /// Layers between the temporal extractor and the kernel predictors.
 pub struct Body {
@@ -50,8 +54,9 @@ impl Body {
         reach + half + quarter + eighth
     }
 
-    /// Half-, quarter- and eighth-resolution features for a λ, from the temporal extractor's output, which is used up.
-    pub fn run(&self, isa: Isa, mut half: Activation, lambda: f32) -> [Activation; 3] {
+    /// Half-, quarter- and eighth-resolution features of a region of a frame, from the temporal extractor's output, which is used up.
+    pub fn run(&self, isa: Isa, mut half: Activation, (dial, region): (Dial, Rect)) -> [Activation; 3] {
+        let lambda = RegionLambda::new(dial, region);
         let mut scratch = half.same_pool();
         self.half_in.iter().for_each(|block| block.run(isa, &mut half, &mut scratch));
         let relu_input = Epilogue { relu_input: true, ..Default::default() };
@@ -62,11 +67,49 @@ impl Body {
         self.eighth.iter().for_each(|block| block.run(isa, &mut eighth, &mut small));
         let mut quarter_out = half.same_pool();
         let inputs = [Source::upsampled(&eighth), Source::new(&quarter)];
-        self.from_eighth.at(lambda).run_concat(isa, &inputs, &mut quarter_out, Epilogue::default());
+        self.from_eighth.run(isa, &inputs, &mut quarter_out, lambda.quarter());
         self.quarter_out.run(isa, &mut quarter_out, &mut quarter);
         let inputs = [Source::upsampled(&quarter_out), Source::new(&half)];
-        self.from_quarter.at(lambda).run_concat(isa, &inputs, &mut scratch, Epilogue::default());
+        self.from_quarter.run(isa, &inputs, &mut scratch, lambda.half());
         self.half_out.iter().for_each(|block| block.run(isa, &mut scratch, &mut half));
         [scratch, quarter_out, eighth]
+    }
+}
+
+/// λ of a region of a frame at the resolutions where the body takes it.
+enum RegionLambda<'a> {
+    Constant(f32),
+    Pixels { half: ArrayView2<'a, f32>, quarter: Array2<f32> },
+}
+
+impl<'a> RegionLambda<'a> {
+    fn new(dial: Dial<'a>, region: Rect) -> Self {
+        match dial {
+            Dial::Constant(lambda) => Self::Constant(lambda),
+            Dial::Map(map) => {
+                let rows = region.row..region.row + region.rows;
+                let half = map.codes().slice_move(s![rows, region.column..region.column + region.columns]);
+                let at = |y: usize, x: usize| half[[y, x]];
+                let mean = |(y, x)| {
+                    ((at(2 * y, 2 * x) + at(2 * y, 2 * x + 1)) + (at(2 * y + 1, 2 * x) + at(2 * y + 1, 2 * x + 1))) * 0.25
+                };
+                let quarter = Array2::from_shape_fn((region.rows / 2, region.columns / 2), mean);
+                Self::Pixels { half, quarter }
+            }
+        }
+    }
+
+    fn half(&self) -> Codes<'_> {
+        match self {
+            Self::Constant(lambda) => Codes::Constant(*lambda),
+            Self::Pixels { half, .. } => Codes::Pixels(half.view()),
+        }
+    }
+
+    fn quarter(&self) -> Codes<'_> {
+        match self {
+            Self::Constant(lambda) => Codes::Constant(*lambda),
+            Self::Pixels { quarter, .. } => Codes::Pixels(quarter.view()),
+        }
     }
 }

@@ -22,6 +22,8 @@ pub struct Request {
     pub frame: i64,
     /// Values of λ, 1…64 each.
     pub lambdas: Vec<f32>,
+    /// λ of what the mask marks, whatever the others are; None without a mask.
+    pub lambda_masked: Option<f32>,
     /// Windows, 0…3 each; none for the one that a run would have.
     pub windows: Vec<usize>,
     /// A part of the frame; None for all of it.
@@ -133,7 +135,7 @@ pub fn preview(
                     if cancel.is_cancelled() {
                         return Err(Error::Cancelled);
                     }
-                    let made = window.denoise(engine, target, radius, lambda)?;
+                    let made = window.denoise(engine, target, radius, (lambda, request.lambda_masked))?;
                     step();
                     Ok(made)
                 };

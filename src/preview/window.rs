@@ -7,7 +7,7 @@ use ndarray::{Array3, ArrayView3, s};
 use super::region::{Region, needed};
 use crate::engine::{EncodedFrame, Engine};
 use crate::error::{Error, Result};
-use crate::frame::Frame;
+use crate::frame::{Dial, Frame};
 use crate::rules::pixel_checks::{Glance, PixelChecks};
 use crate::shot::{CancelToken, Scope};
 
@@ -62,7 +62,8 @@ impl PreviewWindow {
             if cancel.is_cancelled() {
                 return Err(Error::Cancelled);
             }
-            let frame = match engine.in_pool(|| scope.read_image(number, image)) {
+            let is_target = targets.iter().any(|t| t.number == number);
+            let frame = match engine.in_pool(|| scope.read_image(number, image, is_target)) {
                 Ok(frame) => frame,
                 Err(error) if number == first => return Err(error),
                 Err(error) => {
@@ -136,7 +137,7 @@ impl PreviewWindow {
         engine: &Engine,
         target: &TargetFrame,
         window: usize,
-        lambda: f32,
+        (lambda, masked): (f32, Option<f32>),
     ) -> Result<(crate::Denoised, Vec<i64>)> {
         let missing = || Error::BadInput { input: format!("frame {}", target.number), reason: "cannot be read".into() };
         let centre = self.encoded.get(&target.number).ok_or_else(missing)?;
@@ -149,7 +150,8 @@ impl PreviewWindow {
             }
         }
         helped.sort_unstable();
-        Ok((engine.denoise(centre, &around, lambda)?, helped))
+        let map = centre.lambda_mask().zip(masked).map(|(mask, masked)| mask.mix(lambda, masked)).transpose()?;
+        Ok((engine.denoise(centre, &around, map.as_ref().map_or(Dial::Constant(lambda), Dial::Map))?, helped))
     }
 
     /// The region of an image that is cut as the frames are, (rows, columns, channels).

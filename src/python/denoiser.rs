@@ -9,10 +9,11 @@ use numpy::PyArray3;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use super::arrays::{Given, Out, Passes, color_of, to_numpy};
+use super::arrays::{Given, Lam, Out, Passes, color_of, to_numpy};
 use super::settings::{check_lam, check_window, engine};
 use crate::engine::{EncodedFrame, Engine};
 use crate::error::Result;
+use crate::rules::window::LAMBDA_RANGE;
 
 /// The engine with the default settings, made at the first call.
 static DEFAULT: OnceLock<Engine> = OnceLock::new();
@@ -26,7 +27,8 @@ static DEFAULT: OnceLock<Engine> = OnceLock::new();
 ///     normal: (height, width, 3), −1…1, camera space.
 ///     depth: (height, width), 0 or 1e9 and more for the background.
 ///     vector: (height, width, 4), pixels, as Cycles' Vector pass. It is checked and not used: a frame alone has no neighbours.
-///     lam: λ from 1 (cleanest) to 64 (keeps grain and the detail hidden in it).
+///     lam: λ from 1 (cleanest) to 64 (keeps grain and the detail hidden in it), or an array of (height, width)
+///         with one for each pixel; in an array less than 1 counts as 1, more than 64 as 64, NaN as 1, with a UserWarning.
 ///     out: Where to put the result, a C-contiguous float32 array of color's shape; it may be color itself.
 ///     memory: Bytes for the frame and the computing; None for 3.1 GiB. Less is slower and gives the same bits.
 ///     threads: Threads, 1 to 4096; None for all cores. Any number gives the same bits.
@@ -44,7 +46,8 @@ static DEFAULT: OnceLock<Engine> = OnceLock::new();
 ///     ValueError: An array of the wrong shape, a setting out of range.
 ///     OSError, HushError: The weights file cannot be read, or used.
 #[pyfunction]
-#[pyo3(signature = (color, albedo=None, normal=None, depth=None, vector=None, *, lam=1.0, out=None, memory=None, threads=None, model=None, renderer=None))]
+#[pyo3(signature = (color, albedo=None, normal=None, depth=None, vector=None, *, lam=None, out=None, memory=None, threads=None, model=None, renderer=None),
+       text_signature = "(color, albedo=None, normal=None, depth=None, vector=None, *, lam=1.0, out=None, memory=None, threads=None, model=None, renderer=None)")]
 #[allow(clippy::too_many_arguments, reason = "keywords in Python")]
 pub fn denoise<'py>(
     py: Python<'py>,
@@ -53,14 +56,13 @@ pub fn denoise<'py>(
     normal: Option<&Bound<'py, PyAny>>,
     depth: Option<&Bound<'py, PyAny>>,
     vector: Option<&Bound<'py, PyAny>>,
-    lam: f64,
+    lam: Option<&Bound<'py, PyAny>>,
     out: Option<&Bound<'py, PyAny>>,
     memory: Option<i64>,
     threads: Option<i64>,
     model: Option<PathBuf>,
     renderer: Option<&str>,
 ) -> PyResult<Py<PyAny>> {
-    let lam = check_lam(lam)?;
     let passes = Passes::new(&Given { color, albedo, normal, depth, vector, aovs: None })?;
     let own;
     let engine = if (memory, threads, &model, renderer) == (None, None, &None, None) {
@@ -76,10 +78,11 @@ pub fn denoise<'py>(
         &own
     };
     let frame = passes.view()?;
+    let lam = Lam::new(lam, frame.size(), LAMBDA_RANGE.0)?;
     let channels = if frame.alpha.is_some() { 4 } else { 3 };
     let shape = [frame.size().0, frame.size().1, channels];
     let work = move || -> Result<Array3<f32>> {
-        let denoised = engine.denoise(&engine.encode_view(&frame)?, &[], lam);
+        let denoised = engine.denoise(&engine.encode_view(&frame)?, &[], lam.dial());
         engine.release_memory();
         Ok(color_of(denoised?).0)
     };
@@ -158,7 +161,7 @@ struct State {
 
 struct Slot {
     encoded: EncodedFrame,
-    lam: f32,
+    lam: Lam,
     tag: Option<Py<PyAny>>,
     number: u64,
 }
@@ -198,7 +201,8 @@ impl Denoiser {
     ///     vector: (height, width, 4), pixels, y up, as Cycles' Vector pass. X, Y: a point's place in the previous frame minus its
     ///         place here; Z, W: its place here minus its place in the next frame.
     ///     aovs: Light passes by name, each (height, width, 3), linear: parts of color that get its kernels.
-    ///     lam: λ of this frame.
+    ///     lam: λ of this frame, or an array of (height, width) with one for each pixel, as `denoise` takes it; there NaN is the
+    ///         denoiser's.
     ///     tag: Anything; it comes back with the result.
     ///
     /// float32 arrays are read where they lie and not kept; float16 and float64 are converted.
@@ -219,12 +223,12 @@ impl Denoiser {
         depth: Option<&Bound<'py, PyAny>>,
         vector: Option<&Bound<'py, PyAny>>,
         aovs: Option<&Bound<'py, PyDict>>,
-        lam: Option<f64>,
+        lam: Option<&Bound<'py, PyAny>>,
         tag: Option<Py<PyAny>>,
     ) -> PyResult<Vec<Denoised>> {
-        let lam = lam.map_or(Ok(self.lam), check_lam)?;
         let passes = Passes::new(&Given { color, albedo, normal, depth, vector, aovs })?;
         let frame = passes.view()?;
+        let lam = Lam::new(lam, frame.size(), self.lam)?;
         let ready = py.detach(move || {
             let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
             let encoded = self.engine.encode_view(&frame)?;
@@ -270,7 +274,7 @@ impl State {
             let offset = |i: usize| i as i32 - self.done as i32;
             let near = self.slots.iter().enumerate().map(|(i, slot)| (offset(i), &slot.encoded));
             let around: Vec<_> = near.filter(|(o, _)| *o != 0 && o.unsigned_abs() as usize <= window).collect();
-            let (color, aovs) = color_of(engine.denoise(&centre.encoded, &around, centre.lam)?);
+            let (color, aovs) = color_of(engine.denoise(&centre.encoded, &around, centre.lam.dial())?);
             let centre = &mut self.slots[self.done];
             ready.push(Ready { color, aovs, tag: centre.tag.take(), number: centre.number });
             self.done += 1;

@@ -34,6 +34,8 @@ pub enum WarningKind {
     Setting,
     /// Files beside the sequence were left out.
     Ignored,
+    /// The mask of λ holds values that are none for a mask.
+    LambdaMask,
     /// Existing output is made again.
     Redone,
     /// The manifest cannot be read.

@@ -36,6 +36,11 @@ impl Default for Lambda {
 }
 
 impl Lambda {
+    /// λ of what a mask marks, where nothing is said.
+    pub fn of_masked() -> Self {
+        Self { keys: vec![(0.0, 16.0)], clamped: None }
+    }
+
     /// The same value for all frames.
     ///
     /// # Errors

@@ -8,8 +8,10 @@ use std::sync::OnceLock;
 use serde::{Deserialize, Serialize};
 
 use super::layered::Layered;
+use super::table::ShotSettings;
 use super::usd::{StageRef, read};
 use crate::error::{Error, Result, plain};
+use crate::rules::lambda::Lambda;
 
 /// The subcommand that reads a stage for the process that started it; it is not for users.
 pub const READ_STAGE: &str = "read-stage";
@@ -80,8 +82,12 @@ pub fn answer(stage: &StageRef) -> impl Serialize {
     match read(stage) {
         Ok(mut settings) => {
             // That λ was clamped does not show in the numbers that are passed on.
-            let clamped = settings.values.lambda.as_ref().and_then(|lambda| lambda.note());
-            settings.notes.extend(clamped.map(|note| format!("{}: {note}", settings.origin("lambda"))));
+            let ShotSettings { lambda, lambda_masked, .. } = &settings.values;
+            let note =
+                |(name, lambda): (_, &Option<Lambda>)| Some(format!("{}: {}", settings.origin(name), lambda.as_ref()?.note()?));
+            let clamped: Vec<String> =
+                [("lambda", lambda), ("lambda_masked", lambda_masked)].into_iter().filter_map(note).collect();
+            settings.notes.extend(clamped);
             Answer::Settings(Box::new(settings))
         }
         Err(Error::BadFile { reason, .. }) => Answer::Refused(reason),

@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 use super::kind::{Kind, Unfit};
 use super::nearest::hint;
 use super::table::{Guide, SETTINGS, ShotSettings};
-use crate::io::{Guides, PassNames, Selection};
+use crate::io::{Guides, LambdaImages, PassNames, Selection};
 
 /// What a setting changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -133,6 +133,8 @@ impl ShotSettings {
             vector_layer: self.vector_layer.clone(),
             guides,
             aovs: self.aovs.clone().unwrap_or_default(),
+            lambda_pass: self.lambda_pass.clone().filter(|name| !name.is_empty()),
+            lambda_images: self.lambda_images.clone().map(LambdaImages::new),
             passes,
             ..Selection::default()
         }

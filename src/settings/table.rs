@@ -31,6 +31,19 @@ settings! {
         default: "1",
     }
 
+    /// The lambda of what a mask marks, where lambda pass or lambda images name one; may change over the shot as lambda does.
+    lambda_masked: Lambda {
+        kind: Kind::Lambda, effect: Pixels, usd: "hush:lambdaMasked", option: "--lambda-masked", argument: "LAMBDA", default: "16",
+    }
+
+    /// The pass that is the mask, such as a shader AOV: 0 keeps lambda, 1 has lambda masked, between them both are mixed.
+    lambda_pass: String { kind: Kind::Name, effect: Pixels, usd: "hush:lambdaPass", option: "--lambda-pass", argument: "NAME", default: "none" }
+
+    /// Images that are the mask, such as masks/mask_####.exr, instead of a pass.
+    lambda_images: PathBuf {
+        kind: Kind::Path, effect: Pixels, usd: "hush:lambdaImages", option: "--lambda-images", argument: "PATTERN", default: "none",
+    }
+
     /// Frames on each side that help, 0 to 3.
     window: usize {
         kind: Kind::Whole { least: 0, most: MAX_WINDOW as u64 }, effect: Pixels, usd: "hush:window", option: "--window", short: 'w',

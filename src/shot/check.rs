@@ -183,13 +183,16 @@ impl Look<'_> {
         let settings = match self.settings {
             Ok(settings) => FrameSettings {
                 lambda: self.job.lambda().at(number),
+                lambda_masked: self.job.lambda_masked().map(|lambda| lambda.at(number)),
                 window: self.window_of(number, entry, settings.window),
                 ..settings.clone()
             },
             Err(error) => return Some(Stale::new(StaleKind::Setting("window"), error.to_string())),
         };
         let window = neighbours(number, settings.window, |n| self.sources.known(n));
-        let wanted = Wanted { sequence: &self.job.sequence, settings: &settings, window: &window };
+        let image = self.job.lambda_image(number);
+        let wanted =
+            Wanted { sequence: &self.job.sequence, settings: &settings, window: &window, lambda_image: image.as_deref() };
         why_stale(entry, output, &wanted, self.manifest, self.files)
     }
 

@@ -24,6 +24,8 @@ pub enum StaleKind {
     InputMissing,
     /// The rendered frame is damaged.
     InputDamaged,
+    /// The image that is the mask of λ is another one, came or went.
+    LambdaImage,
     /// A frame beside it changed, came or went.
     Neighbours,
     /// The denoised file is damaged.
@@ -65,6 +67,8 @@ pub(super) struct Wanted<'a> {
     pub settings: &'a FrameSettings,
     /// The frames around it.
     pub window: &'a [WindowFrame],
+    /// The image that is the mask of λ.
+    pub lambda_image: Option<&'a Path>,
 }
 
 /// Why the output that `entry` describes is not current; None where it is.
@@ -88,6 +92,9 @@ pub(super) fn why_stale(
     let path = wanted.sequence.path(entry.frame);
     if entry.stamp.is_none() || !files.is_same(path, entry.stamp) {
         return stale(StaleKind::InputChanged, "the input changed");
+    }
+    if !files.is_same(wanted.lambda_image, entry.lambda_image) {
+        return stale(StaleKind::LambdaImage, "the lambda image changed");
     }
     if !same_window(entry, wanted, files) {
         return stale(StaleKind::Neighbours, "frames beside it changed");

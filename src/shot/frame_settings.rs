@@ -2,19 +2,23 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
+use std::path::Path;
 
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::{Map, Value, json};
 
 use crate::engine::{Identity, ModelId};
-use crate::settings::{Effect, SETTINGS, Setting, ShotSettings, in_words};
+use crate::settings::{Effect, Kind, SETTINGS, Setting, ShotSettings, in_words};
 
 /// The settings that a frame was made with; a frame is made again where they differ.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FrameSettings {
     /// 1…64.
     pub lambda: f32,
+    /// λ of what the mask marks, 1…64; None without a mask.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lambda_masked: Option<f32>,
     /// Frames on each side.
     pub window: usize,
     /// The engine's.
@@ -26,10 +30,10 @@ pub struct FrameSettings {
 }
 
 impl FrameSettings {
-    /// Those of a shot, once the frame's λ and window are known.
+    /// Those of a shot without a mask, once the frame's λ and window are known.
     pub(super) fn new(settings: &ShotSettings, lambda: f32, window: usize, engine: Identity) -> Self {
-        let others = others().filter_map(|s| Some((s.name.to_owned(), s.unusual(settings.get(s.name))?))).collect();
-        Self { lambda, window, engine, others }
+        let others = others().filter_map(|s| Some((s.name.to_owned(), named(s, s.unusual(settings.get(s.name))?)))).collect();
+        Self { lambda, lambda_masked: None, window, engine, others }
     }
 
     /// A short key that differs where the settings differ.
@@ -44,7 +48,10 @@ impl FrameSettings {
 
     /// What changed since `old`.
     pub(super) fn changes_since(&self, old: &Self) -> Vec<Change> {
-        let all = SETTINGS.iter().filter(|setting| setting.effect != Effect::Nothing);
+        // That there is a mask now, or none any more, is told by the setting that names it.
+        let masks = self.lambda_masked.is_some() && old.lambda_masked.is_some();
+        let counts = |setting: &&Setting| setting.effect != Effect::Nothing && (masks || setting.name != "lambda_masked");
+        let all = SETTINGS.iter().filter(counts);
         let change = |setting: &'static Setting| {
             let (old, new) = (old.in_words(setting), self.in_words(setting));
             (old != new).then_some(Change { setting, old, new })
@@ -56,6 +63,7 @@ impl FrameSettings {
         let ModelId { name, hash } = &self.engine.model;
         let said = match setting.name {
             "lambda" => json!(self.lambda),
+            "lambda_masked" => json!(self.lambda_masked),
             "window" => json!(self.window),
             "model" => hash.as_ref().map_or(name.clone(), |hash| format!("{name} ({hash})")).into(),
             "renderer" => json!(self.engine.renderer),
@@ -68,7 +76,13 @@ impl FrameSettings {
 
 /// The settings of [`FrameSettings::others`].
 fn others() -> impl Iterator<Item = &'static Setting> {
-    SETTINGS.iter().filter(|s| s.effect == Effect::Pixels && !["lambda", "window"].contains(&s.name))
+    SETTINGS.iter().filter(|s| s.effect == Effect::Pixels && !["lambda", "lambda_masked", "window"].contains(&s.name))
+}
+
+/// Of a path only the last name: a shot may lie anywhere, and the files' contents are compared by themselves.
+fn named(setting: &Setting, value: Value) -> Value {
+    let name = value.as_str().filter(|_| setting.kind == Kind::Path).and_then(|path| Path::new(path).file_name());
+    name.map_or(value.clone(), |name| name.to_string_lossy().into())
 }
 
 /// Also as Hush 0.1 wrote them at first: every setting, guides and rules as flags, passes as a table.
@@ -77,6 +91,8 @@ impl<'de> Deserialize<'de> for FrameSettings {
         #[derive(Deserialize)]
         struct Written {
             lambda: f32,
+            #[serde(default)]
+            lambda_masked: Option<f32>,
             window: usize,
             model: ModelId,
             #[serde(default)]
@@ -90,7 +106,7 @@ impl<'de> Deserialize<'de> for FrameSettings {
             Value::Object(flags) => flags.into_iter().filter(|(_, on)| *on == Value::Bool(true)).map(|(name, _)| name).collect(),
             list => list,
         };
-        let Written { lambda, window, model, renderer, skip, others: written } = Written::deserialize(from)?;
+        let Written { lambda, lambda_masked, window, model, renderer, skip, others: written } = Written::deserialize(from)?;
         let mut rules = skip.map_or_else(|| json!(crate::rules::skip::RULES), flags);
         if let Some(rules) = rules.as_array_mut() {
             // A rule without a bound is gone; whatever it made is another frame now.
@@ -109,7 +125,7 @@ impl<'de> Deserialize<'de> for FrameSettings {
             let value = ordered(setting.name, value).and_then(|value| setting.unusual(value));
             others.extend(value.map(|value| (setting.name.to_owned(), value)));
         }
-        Ok(Self { lambda, window, engine: Identity { model, renderer, skip }, others })
+        Ok(Self { lambda, lambda_masked, window, engine: Identity { model, renderer, skip }, others })
     }
 }
 

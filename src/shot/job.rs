@@ -78,6 +78,29 @@ impl Job {
         self.settings.lambda.clone().unwrap_or_default()
     }
 
+    /// λ of what the mask marks; None without a mask.
+    pub(crate) fn lambda_masked(&self) -> Option<Lambda> {
+        let masked = || self.settings.lambda_masked.clone().unwrap_or_else(Lambda::of_masked);
+        self.settings.has_lambda_mask().then(masked)
+    }
+
+    /// The image that is the mask of a frame's λ.
+    pub(crate) fn lambda_image(&self, frame: i64) -> Option<PathBuf> {
+        self.selection().lambda_images.map(|images| images.path(frame))
+    }
+
+    /// What is odd about λ and its mask.
+    pub(crate) fn lambda_notes(&self) -> Vec<String> {
+        let mut notes = self.settings.lambda_notes();
+        if self.settings.lambda_masked.is_some() && !self.settings.has_lambda_mask() {
+            notes.push("lambda masked does nothing without a mask: set lambda pass to NAME or lambda images to PATTERN".into());
+        }
+        if self.settings.lambda_images.is_some() && self.selection().lambda_pass.is_some() {
+            notes.push("lambda pass is not looked at: lambda images are the mask".into());
+        }
+        notes
+    }
+
     /// Whether motion vectors may be used.
     pub(crate) fn vectors(&self) -> bool {
         self.settings.guides.as_ref().is_none_or(|guides| guides.contains(&Guide::Vector))
@@ -110,11 +133,23 @@ impl Job {
         if let Some(asked) = self.settings.window {
             check_window(asked)?;
         }
-        Ok(FrameSettings::new(&self.settings, self.lambda().at(frame), window, engine.clone()))
+        let lambda_masked = self.lambda_masked().map(|lambda| lambda.at(frame));
+        Ok(FrameSettings { lambda_masked, ..FrameSettings::new(&self.settings, self.lambda().at(frame), window, engine.clone()) })
     }
 }
 
 impl ShotSettings {
+    /// Whether some pixels have another λ.
+    pub(crate) fn has_lambda_mask(&self) -> bool {
+        self.lambda_images.is_some() || self.lambda_pass.as_ref().is_some_and(|name| !name.is_empty())
+    }
+
+    /// Values of λ that were clamped.
+    pub(crate) fn lambda_notes(&self) -> Vec<String> {
+        let masked = self.lambda_masked.as_ref().and_then(Lambda::note).map(|note| format!("lambda masked: {note}"));
+        self.lambda.as_ref().and_then(Lambda::note).into_iter().chain(masked).collect()
+    }
+
     /// The engine that they ask for.
     ///
     /// # Errors

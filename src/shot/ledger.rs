@@ -108,6 +108,7 @@ mod tests {
             frame,
             source: "a.exr".into(),
             stamp: None,
+            lambda_image: None,
             output: None,
             status: Status::Denoised,
             reason: None,

@@ -37,6 +37,9 @@ pub struct Entry {
     pub source: PathBuf,
     /// The input as it was.
     pub stamp: Option<FileState>,
+    /// The image that was the mask of λ, as it was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lambda_image: Option<FileState>,
     /// The output as it was written.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub output: Option<FileState>,

@@ -18,6 +18,7 @@ mod file_state;
 mod frame_settings;
 mod input_file;
 mod job;
+mod lambda_image;
 mod ledger;
 mod manifest;
 mod output;

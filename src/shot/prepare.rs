@@ -1,7 +1,7 @@
 //! The plan of a run, made from headers alone: what to write, with which neighbours, what to skip and why.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use serde::Serialize;
 
@@ -44,6 +44,12 @@ pub struct PlannedFrame {
     pub output: PathBuf,
     /// The dial.
     pub lambda: f32,
+    /// The dial of what the mask marks; None without a mask.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lambda_masked: Option<f32>,
+    /// The image that is the mask.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lambda_image: Option<PathBuf>,
     /// What to do.
     #[serde(flatten)]
     pub action: Action,
@@ -148,7 +154,7 @@ impl Plan {
 
     /// The settings of one frame.
     pub(super) fn settings_of(&self, frame: &PlannedFrame) -> FrameSettings {
-        FrameSettings { lambda: frame.lambda, ..self.settings.clone() }
+        FrameSettings { lambda: frame.lambda, lambda_masked: frame.lambda_masked, ..self.settings.clone() }
     }
 
     /// The entry of a frame in the manifest before anything is done.
@@ -157,6 +163,7 @@ impl Plan {
             frame: frame.frame,
             source: std::path::absolute(&frame.source).unwrap_or_else(|_| frame.source.clone()),
             stamp: self.sources.stamps.get(&frame.frame).copied().flatten().map(FileState::from),
+            lambda_image: None,
             output: None,
             status: Status::Planned,
             reason: None,
@@ -170,7 +177,8 @@ impl Plan {
     }
 
     /// The entry of a frame that is current. Files that were only copied or touched since are known by their new dates.
-    pub(super) fn skipped(&self, before: &Entry, output: &Path) -> Entry {
+    pub(super) fn skipped(&self, before: &Entry, frame: &PlannedFrame) -> Entry {
+        let (output, image) = (&frame.output, frame.lambda_image.as_deref());
         let dated = |state: Option<FileState>, stamp: Option<Stamp>| {
             state.map(|state| FileState { stamp: stamp.unwrap_or(state.stamp), ..state })
         };
@@ -178,6 +186,7 @@ impl Plan {
         let mut entry = Entry { status: Status::Skipped, reason: Some("already done".into()), ..before.clone() };
         entry.stamp = dated(entry.stamp, now(entry.frame));
         entry.output = dated(entry.output, Stamp::of(output));
+        entry.lambda_image = dated(entry.lambda_image, image.and_then(Stamp::of));
         for neighbour in &mut entry.neighbours {
             neighbour.stamp = dated(neighbour.stamp, now(neighbour.frame));
         }
@@ -240,7 +249,7 @@ pub(super) fn resolve_window(job: &Job, sources: &Sources, headers: &[Header], r
 }
 
 fn header_warnings(job: &Job, headers: &[Header], gaps: &[(i64, i64)]) -> Result<Vec<Warning>> {
-    let odd = job.lambda().note().into_iter().chain(job.notes.iter().cloned());
+    let odd = job.lambda_notes().into_iter().chain(job.notes.iter().cloned());
     let mut warnings: Vec<Warning> = odd.map(|n| Warning::new(WarningKind::Setting, n)).collect();
     for warning in [checks::missing_frames(gaps), checks::resolution(headers)].into_iter().flatten() {
         if job.strict {
@@ -273,19 +282,28 @@ fn plan_frames(
     let mut frames = Vec::with_capacity(targets.len());
     let mut foreign: Vec<PathBuf> = Vec::new();
     let mut worse: Vec<(i64, String)> = Vec::new();
-    let lambda = job.lambda();
+    let (lambda, masked) = (job.lambda(), job.lambda_masked());
     for &number in targets {
         let Some(source) = job.sequence.path(number) else { continue };
         let output = output_path(job, source);
-        let settings = &FrameSettings { lambda: lambda.at(number), ..settings.clone() };
+        let (lambda, lambda_masked) = (lambda.at(number), masked.as_ref().map(|masked| masked.at(number)));
+        let lambda_image = job.lambda_image(number);
+        let settings = &FrameSettings { lambda, lambda_masked, ..settings.clone() };
         let window = neighbours(number, settings.window, |n| sources.known(n));
         let entry = manifest.entry(&output);
+        let no_image = lambda_image.as_ref().and_then(|image| std::fs::metadata(image).map_err(|e| Error::io(image, e)).err());
+        let no_image = match no_image {
+            Some(error) if job.strict => return Err(error),
+            other => other.map(|error| error.to_string()),
+        };
         let action = match sources.bad.get(&number) {
             Some(reason) => Action::Fail(reason.clone()),
-            None if job.overwrite || !output.exists() => Action::Denoise(None),
             None => match entry {
+                _ if let Some(reason) = no_image => Action::Fail(reason),
+                _ if job.overwrite || !output.exists() => Action::Denoise(None),
                 Some(entry) => {
-                    let wanted = Wanted { sequence: &job.sequence, settings, window: &window };
+                    let image = lambda_image.as_deref();
+                    let wanted = Wanted { sequence: &job.sequence, settings, window: &window, lambda_image: image };
                     match why_stale(entry, &output, &wanted, manifest, files) {
                         None => Action::Skip,
                         Some(stale) => {
@@ -302,8 +320,17 @@ fn plan_frames(
                 }
             },
         };
-        let lambda = settings.lambda;
-        frames.push(PlannedFrame { frame: number, source: source.into(), output, lambda, action, neighbours: window });
+        let source = source.into();
+        frames.push(PlannedFrame {
+            frame: number,
+            source,
+            output,
+            lambda,
+            lambda_masked,
+            lambda_image,
+            action,
+            neighbours: window,
+        });
     }
     if let Some(first) = foreign.first() {
         let reason = format!(
@@ -349,9 +376,9 @@ fn why_worse(job: &Job, entry: &Entry, manifest: &Manifest, vectors: Option<&str
 /// Frames that are made again, by reason.
 fn redone_warnings(frames: &[PlannedFrame]) -> Vec<Warning> {
     // Keyframed λ changes from another value to another value in each frame; that is one reason.
-    let kind = |why: &'_ str| match why.strip_prefix("lambda ") {
-        Some(lambda) => (true, lambda.split_once(", ").map(|(_, rest)| rest.to_owned())),
-        None => (false, Some(why.to_owned())),
+    let kind = |why: &'_ str| match other_than_dials(why) {
+        (true, rest) => (true, (!rest.is_empty()).then(|| rest.to_owned())),
+        (false, _) => (false, Some(why.to_owned())),
     };
     let mut reasons: BTreeMap<_, Vec<(i64, &str)>> = BTreeMap::new();
     for frame in frames {
@@ -371,6 +398,16 @@ fn redone_warnings(frames: &[PlannedFrame]) -> Vec<Warning> {
         warnings.push(Warning::new(WarningKind::Redone, message));
     }
     warnings
+}
+
+/// Whether a reason begins with values of the dials, and what comes after them.
+fn other_than_dials(why: &str) -> (bool, &str) {
+    let mut rest = why;
+    for dial in ["lambda ", "lambda masked "] {
+        let value = rest.strip_prefix(dial).filter(|value| value.starts_with(|c: char| c.is_ascii_digit()));
+        rest = value.map_or(rest, |value| value.split_once(", ").map_or("", |(_, rest)| rest));
+    }
+    (rest.len() < why.len(), rest)
 }
 
 /// Whether a frame was done without a neighbour that should have helped.

@@ -10,6 +10,7 @@ use super::cancel::CancelToken;
 use super::events::{Event, Status, Summary};
 use super::file_state::FileState;
 use super::job::Job;
+use super::lambda_image::LambdaImage;
 use super::ledger::Ledger;
 use super::manifest::Manifest;
 use super::output::prepare_folder;
@@ -17,8 +18,9 @@ use super::prepare::{Action, Plan, PlannedFrame, is_degraded, missing_text};
 use super::progress::FrameProgress;
 use super::threads::{Decoded, Work, Written, decode, ends_the_run, write};
 use super::window_cache::{Slot, WindowCache};
-use crate::engine::{Denoised, EncodedFrame, Engine, Listener};
+use crate::engine::{Denoised, Dial, EncodedFrame, Engine, LambdaMask, Listener};
 use crate::error::{Error, Result};
+use crate::rules::checks::{Warning, WarningKind};
 use crate::rules::skip::LeftOut;
 use crate::rules::window::{Availability, WindowFrame, neighbours};
 
@@ -95,6 +97,8 @@ struct Run<'a> {
     /// What was odd about a frame, until it is written.
     notes: BTreeMap<i64, Vec<String>>,
     finished: usize,
+    /// Whether it was told that a mask has odd values.
+    mask_noted: bool,
     saved: Instant,
 }
 
@@ -107,9 +111,9 @@ impl<'a> Run<'a> {
         ledger: &'a mut Ledger,
     ) -> Self {
         let summary = Summary { frames: plan.frames.len(), missing: missing_text(plan), ..Summary::default() };
-        let (bad, notes) = (BTreeMap::new(), BTreeMap::new());
+        let (bad, notes, mask_noted) = (BTreeMap::new(), BTreeMap::new(), false);
         let manifest = Manifest::default();
-        Self { job, plan, report, cache, ledger, manifest, summary, bad, notes, finished: 0, saved: Instant::now() }
+        Self { job, plan, report, cache, ledger, manifest, summary, bad, notes, finished: 0, mask_noted, saved: Instant::now() }
     }
 
     /// Says what the plan says, and settles the frames that need no work.
@@ -133,7 +137,7 @@ impl<'a> Run<'a> {
             let mut entry = plan.entry(frame, &key);
             let before = plan.before.get(&frame.frame);
             if let (Action::Skip, Some(before)) = (&frame.action, before) {
-                entry = plan.skipped(before, &frame.output);
+                entry = plan.skipped(before, frame);
             }
             self.manifest.frames.insert(file_name(&frame.output), entry);
             match &frame.action {
@@ -210,14 +214,20 @@ impl<'a> Run<'a> {
             let used = window.iter().filter(|n| n.unused.is_none());
             let around: Vec<(i32, &Slot)> =
                 used.filter_map(|n| self.cache.ring.get(&n.number).map(|slot| (n.offset, slot))).collect();
-            let result = progress.follow(|listener| denoise_views(engine, centre, &around, target.lambda, listener));
+            let image = engine.in_pool(|| LambdaImage::read(plan, target)).transpose();
+            let result = image.and_then(|image| {
+                let mask = image.as_ref().map(|image| &image.mask);
+                let denoised = progress.follow(|listener| denoise_views(engine, centre, &around, (target, mask), listener))?;
+                Ok((denoised, image))
+            });
             let seconds = centre.seconds + began.elapsed().as_secs_f64();
             self.note_window(target, &window);
             match result {
                 // A writer that is gone has said why in `written`.
-                Ok(views) => {
+                Ok((views, image)) => {
                     let (denoised, left_out) = views.into_iter().unzip();
                     self.note_left_out(target, left_out);
+                    self.note_mask(target, image);
                     _ = work.send(Work { index, denoised, seconds });
                 }
                 Err(error) => self.fail(index, error, seconds),
@@ -288,6 +298,20 @@ impl<'a> Run<'a> {
     fn note_left_out(&mut self, target: &PlannedFrame, left_out: Vec<LeftOut>) {
         if let Some(entry) = self.manifest.frames.get_mut(&file_name(&target.output)) {
             entry.left_out = left_out;
+        }
+    }
+
+    /// Puts the image that was the mask into the manifest, and tells once what is odd about a mask.
+    fn note_mask(&mut self, target: &PlannedFrame, image: Option<LambdaImage>) {
+        let own =
+            self.cache.ring.get(&target.frame).and_then(|slot| slot.encoded.iter().find_map(|frame| frame.lambda_mask()?.note()));
+        let note = image.as_ref().map_or(own, |image| image.mask.note());
+        if let (Some(note), false) = (note, std::mem::replace(&mut self.mask_noted, true)) {
+            let message = format!("the mask of lambda in frame {} {note}", target.frame);
+            (self.report)(Event::Warning(&Warning::new(WarningKind::LambdaMask, message)));
+        }
+        if let Some(entry) = self.manifest.frames.get_mut(&file_name(&target.output)) {
+            entry.lambda_image = image.and_then(|image| image.state);
         }
     }
 
@@ -366,19 +390,22 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Denoises each view with the same views of the frames around it.
+/// Denoises each view with the same views of the frames around it; `image` is the mask where it is not in the frame itself.
 fn denoise_views(
     engine: &Engine,
     centre: &Slot,
     around: &[(i32, &Slot)],
-    lambda: f32,
+    (target, image): (&PlannedFrame, Option<&LambdaMask>),
     listener: Listener<'_>,
 ) -> Result<Vec<(Denoised, LeftOut)>> {
     let views = centre.encoded.len() as f64;
     let view = |(index, centre): (usize, &EncodedFrame)| {
         let neighbours: Vec<(i32, &EncodedFrame)> =
             around.iter().filter_map(|(offset, slot)| Some((*offset, slot.encoded.get(index)?))).collect();
-        engine.denoise_with(centre, &neighbours, lambda, engine.skip(), &|fraction| listener((index as f64 + fraction) / views))
+        let mask = image.or(centre.lambda_mask()).zip(target.lambda_masked);
+        let map = mask.map(|(mask, masked)| mask.mix(target.lambda, masked)).transpose()?;
+        let dial = map.as_ref().map_or(Dial::Constant(target.lambda), Dial::Map);
+        engine.denoise_with(centre, &neighbours, dial, engine.skip(), &|fraction| listener((index as f64 + fraction) / views))
     };
     centre.encoded.iter().enumerate().map(view).collect()
 }

@@ -6,7 +6,7 @@ use super::input_file::InputFile;
 use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::io::sequence::Sequence;
-use crate::io::{Layout, Resolved, Selection};
+use crate::io::{LambdaImages, Layout, Resolved, Selection, read_lambda_image};
 use crate::rules::checks;
 use crate::rules::frames::FrameSet;
 use crate::rules::window::{Availability, DEFAULT_WINDOW, check_window, neighbours};
@@ -22,6 +22,7 @@ pub struct Scope {
     pub window: usize,
     /// Frames asked for or near them that cannot be read, and why.
     pub bad: BTreeMap<i64, String>,
+    lambda_images: Option<LambdaImages>,
     numbers: Vec<i64>,
     good: BTreeMap<i64, InputFile>,
 }
@@ -74,7 +75,8 @@ impl Scope {
                 }
             }
         };
-        Ok(Self { name: sequence.name.clone(), frames, window, bad, numbers, good })
+        let lambda_images = selection.lambda_images.clone();
+        Ok(Self { name: sequence.name.clone(), frames, window, bad, lambda_images, numbers, good })
     }
 
     /// Whether every frame asked for has a Vector pass.
@@ -107,10 +109,14 @@ impl Scope {
     /// Decodes one of a frame's images, by its place among those that [`about`](Self::about) tells.
     ///
     /// # Errors
-    /// As [`read`](Self::read), and where there is no such image.
-    pub fn read_image(&self, number: i64, index: usize) -> Result<Frame> {
+    /// As [`read`](Self::read), and where there is no such image, or no mask of λ for one that is a `target`.
+    pub fn read_image(&self, number: i64, index: usize, target: bool) -> Result<Frame> {
         let missing = || Error::BadInput { input: self.name.clone(), reason: format!("has no readable frame {number}") };
-        self.good.get(&number).ok_or_else(missing)?.read_image(index)
+        let mut frame = self.good.get(&number).ok_or_else(missing)?.read_image(index)?;
+        if let (Some(images), true) = (&self.lambda_images, target) {
+            frame.lambda_mask = Some(read_lambda_image(&images.path(number), frame.size())?);
+        }
+        Ok(frame)
     }
 
     /// What is odd about the files whose headers were read, and what to change in Blender.

@@ -75,7 +75,8 @@ fn made_by(plan: &Plan, frame: &PlannedFrame) -> String {
     let (window, engine) = (plan.settings.window, &plan.settings.engine);
     let model = &engine.model.name;
     let renderer = engine.renderer.as_ref().map_or(String::new(), |name| format!(", renderer {name}"));
-    format!("hush {}, lambda {}, window {window}, model {model}{renderer}", env!("CARGO_PKG_VERSION"), frame.lambda)
+    let masked = frame.lambda_masked.map_or(String::new(), |lambda| format!(", lambda masked {lambda}"));
+    format!("hush {}, lambda {}{masked}, window {window}, model {model}{renderer}", env!("CARGO_PKG_VERSION"), frame.lambda)
 }
 
 /// Whether an error is about the output folder itself, so that every further frame would meet it too.

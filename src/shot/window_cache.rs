@@ -47,7 +47,7 @@ impl WindowCache {
     /// Drops what a run over the plan cannot use.
     pub fn prepare(&mut self, sequence: &str, plan: &Plan) {
         let mut settings = plan.settings.clone();
-        settings.lambda = 1.0; // The dial comes after the encoder.
+        (settings.lambda, settings.lambda_masked) = (1.0, None); // The dial comes after the encoder.
         let of = (sequence.to_string(), settings.key());
         if of != self.of {
             *self = Self { of, ..Self::default() };

@@ -178,7 +178,8 @@ impl Shot {
         let then = manifest.settings.get(&entry.settings)?;
         let window = then.window;
         let same = self.job.frame_settings(window, number, &self.engine).is_ok_and(|now| now == *then);
-        if !same || entry.status == Status::Planned {
+        let image = self.job.lambda_image(number).and_then(|path| Stamp::of(&path));
+        if !same || image != entry.lambda_image.map(|state| state.stamp) || entry.status == Status::Planned {
             return None;
         }
         let around = entry.neighbours.iter().filter_map(|n| n.stamp.map(|state| (n.offset, state.stamp))).collect();

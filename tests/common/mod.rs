@@ -23,12 +23,15 @@ pub struct Look {
     pub noisy_image: bool,
     pub compression: Compression,
     pub layers: &'static [&'static str],
+    /// A shader AOV `Hush Lambda`, by row and column.
+    pub mask: Option<fn(usize, usize) -> f32>,
 }
 
 impl Default for Look {
     fn default() -> Self {
         let compression = Compression::ZIP16;
-        Self { columns: 24, rows: 16, seed: None, vector: Some(0.25), noisy_image: false, compression, layers: &["ViewLayer"] }
+        let layers = &["ViewLayer"];
+        Self { columns: 24, rows: 16, seed: None, vector: Some(0.25), noisy_image: false, compression, layers, mask: None }
     }
 }
 
@@ -62,6 +65,9 @@ pub fn write_frame(path: &Path, number: i64, look: Look) {
             add(&format!("Denoising Normal.{c}"), vec![v; size]);
         }
         add("Denoising Depth.Z", vec![3.0; size]);
+        if let Some(mask) = look.mask {
+            add("Hush Lambda.X", plane(look, mask));
+        }
         for c in ["X", "Y", "Z", "W"] {
             if let Some(v) = look.vector {
                 add(&format!("Vector.{c}"), vec![v; size]);
@@ -71,6 +77,20 @@ pub fn write_frame(path: &Path, number: i64, look: Look) {
     let list = AnyChannels::sort(SmallVec::from_vec(channels));
     let encoding = Encoding { compression: look.compression, ..Encoding::FAST_LOSSLESS };
     let layer = Layer::new((look.columns, look.rows), LayerAttributes::default(), encoding, list);
+    Image::from_layer(layer).write().to_file(path).unwrap();
+}
+
+/// A plane of a frame's size.
+fn plane(look: Look, value: fn(usize, usize) -> f32) -> Vec<f32> {
+    (0..look.rows * look.columns).map(|i| value(i / look.columns, i % look.columns)).collect()
+}
+
+/// Writes a mask image of one channel, or of grey R, G, B.
+pub fn write_mask(path: &Path, look: Look, grey: bool, value: fn(usize, usize) -> f32) {
+    let names: &[&str] = if grey { &["R", "G", "B"] } else { &["V"] };
+    let channel = |name: &&str| AnyChannel::new(*name, FlatSamples::F32(plane(look, value)));
+    let list = AnyChannels::sort(SmallVec::from_vec(names.iter().map(channel).collect()));
+    let layer = Layer::new((look.columns, look.rows), LayerAttributes::default(), Encoding::FAST_LOSSLESS, list);
     Image::from_layer(layer).write().to_file(path).unwrap();
 }
 

@@ -33,6 +33,7 @@ def write_frame(path: Path, layers: dict[str, Passes]) -> None:
         "normal": ("Denoising Normal", "XYZ"),
         "depth": ("Denoising Depth", "Z"),
         "vector": ("Vector", "XYZW"),
+        "mask": ("Hush Lambda", "X"),
     }
     channels = {}
     for layer, found in layers.items():

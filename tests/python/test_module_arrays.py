@@ -10,7 +10,7 @@ from pathlib import Path
 import hush
 import numpy as np
 import pytest
-from exr_shots import HEIGHT, WIDTH, Passes, passes, write_shot
+from exr_shots import HEIGHT, WIDTH, Passes, passes, write_frame, write_shot
 from images import combined
 
 MODEL = Path(__file__).resolve().parents[2] / "models" / "hush.safetensors"
@@ -56,6 +56,46 @@ def test_guides_and_lambda_matter_and_vectors_of_a_lone_frame_do_not(frame: Pass
     noisy = frame["color"]
     kept = hush.denoise(**frame, lam=64)
     assert np.abs(kept - noisy).mean() < np.abs(clean - noisy).mean()
+
+
+def half_and_half() -> np.ndarray:
+    """λ 1 on the left, 64 on the right."""
+    lam = np.ones((HEIGHT, WIDTH), np.float32)
+    lam[:, WIDTH // 2 :] = 64
+    return lam
+
+
+def test_lambda_may_be_an_array(frame: Passes, clean: np.ndarray) -> None:
+    kept = hush.denoise(**frame, lam=64)
+    assert same(hush.denoise(**frame, lam=np.ones((HEIGHT, WIDTH), np.float32)), clean)
+    assert same(hush.denoise(**frame, lam=np.full((HEIGHT, WIDTH), 64.0)), kept)
+    assert same(hush.denoise(**frame, lam=np.float32(64)), kept)
+    assert same(hush.denoise(**frame, lam=np.array(64.0)), kept)
+    mixed = hush.denoise(**frame, lam=half_and_half())
+    apart = lambda other, where: np.abs(mixed - other)[:, where].mean()
+    for where, near, far in ((slice(0, WIDTH // 4), clean, kept), (slice(3 * WIDTH // 4, None), kept, clean)):
+        assert apart(near, where) < 0.5 * apart(far, where)
+    for layout in (np.asfortranarray(half_and_half()), np.repeat(half_and_half(), 2, 1)[:, ::2]):
+        assert same(hush.denoise(**frame, lam=layout), mixed)
+    (pushed,) = hush.Denoiser(window=0).push(**frame, lam=half_and_half())
+    assert same(pushed.color, mixed)
+
+
+def test_odd_values_of_lambda_are_told_and_odd_arrays_refused(frame: Passes) -> None:
+    lam = half_and_half()
+    lam[0, :4] = np.nan, 0, 1e9, -np.inf
+    sound = half_and_half()
+    sound[0, :4] = 7, 1, 64, 1
+    denoiser = hush.Denoiser(window=0, lam=7)
+    with pytest.warns(UserWarning, match=r"lam: holds values outside 1…64 or NaN, in 4 pixels"):
+        (told,) = denoiser.push(**frame, lam=lam)
+    (quiet,) = denoiser.push(**frame, lam=sound)
+    assert same(told.color, quiet.color)
+    for shape in ((WIDTH, HEIGHT), (HEIGHT, WIDTH, 1), (1, 1)):
+        with pytest.raises(ValueError, match=r"lam: shape .*expected \(45, 67\) like color, or a number"):
+            hush.denoise(**frame, lam=np.ones(shape, np.float32))
+    with pytest.raises(TypeError, match=r"lam: expected float32"):
+        hush.denoise(**frame, lam=np.ones((HEIGHT, WIDTH), int))  # type: ignore[arg-type]
 
 
 def test_any_layout_of_float32_gives_the_same_bits(frame: Passes, clean: np.ndarray) -> None:
@@ -205,6 +245,27 @@ def test_a_denoiser_gives_each_frame_back_once_and_in_order() -> None:
     (alone,) = denoiser.flush()
     assert alone.tag == 5
     assert same(alone.color, hush.denoise(**passes(9), lam=4))
+
+
+def test_a_mask_in_files_is_an_array_of_lambda(tmp_path: Path) -> None:
+    mask = np.clip((np.arange(WIDTH, dtype=np.float32) - 30) / 8, 0, 1)[None, :].repeat(HEIGHT, 0)
+    (tmp_path / "shot").mkdir()
+    for number in (1, 2, 3):
+        write_frame(tmp_path / "shot" / f"f_{number:04d}.exr", {"ViewLayer": {**passes(number), "mask": mask}})
+    settings = {"lam": 2, "lambda_pass": "Hush Lambda", "lambda_masked": {1: 32, 3: 32}}
+    done = hush.denoise_sequence(tmp_path / "shot", tmp_path / "out", **settings)
+    assert done["written"] == 3 and not done["failed"], done
+    denoiser = hush.Denoiser(window=2)
+    results = [each for number in (1, 2, 3) for each in denoiser.push(**passes(number), lam=2 * np.float32(16) ** mask)] + denoiser.flush()
+    for number, result in enumerate(results, 1):
+        written = combined(tmp_path / "out" / f"f_{number:04d}.exr")
+        assert np.allclose(written, result.color, rtol=1e-3, atol=1e-5), np.abs(written / result.color - 1).max()
+    checked = hush.check_sequence(tmp_path / "shot", tmp_path / "out", **{**settings, "lambda_masked": 8})
+    assert {(frame["state"], frame["kind"]) for frame in checked["frames"]} == {("stale", "lambda_masked")}
+    with pytest.raises(hush.HushError, match="Depth Mask"):
+        hush.denoise_sequence(tmp_path / "shot", tmp_path / "other", lambda_pass="Depth Mask")
+    shown = hush.preview(tmp_path / "shot", 2, lam=2, window=2, lambda_pass="Hush Lambda", lambda_masked=32)["denoised"]
+    assert np.array_equal(shown, combined(tmp_path / "out" / "f_0002.exr"))
 
 
 def test_a_refused_frame_is_not_taken() -> None:

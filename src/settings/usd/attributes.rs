@@ -78,7 +78,10 @@ pub(super) fn samples(attribute: &Attribute) -> Result<Vec<(f64, Value)>, String
 /// The value of an attribute that stays the same over time; None where nothing is authored.
 pub(super) fn constant(attribute: &Attribute) -> Result<Option<Value>, String> {
     if !samples(attribute)?.is_empty() {
-        return Err(complaint(attribute, "has time samples, and only hush:lambda may change over the shot"));
+        return Err(complaint(
+            attribute,
+            "has time samples, and only hush:lambda and hush:lambdaMasked may change over the shot",
+        ));
     }
     value(attribute)
 }

@@ -96,10 +96,10 @@ fn author(
     PrimSpec::over(&mut data, place.clone()).map_err(words)?.add_applied_schema(API).map_err(words)?;
     for (setting, value) in settings.values.said() {
         let attribute = place.append_property(setting.usd).map_err(words)?;
-        let lambda = settings.values.lambda.as_ref().filter(|_| setting.kind == Kind::Lambda);
+        let lambda = (setting.kind == Kind::Lambda).then(|| serde_json::from_value::<Lambda>(value.clone()).ok()).flatten();
         let varying = if lambda.is_some() { Variability::Varying } else { Variability::Uniform };
         let mut spec = AttributeSpec::new(&mut data, attribute, setting.kind.usd_type(), varying, false).map_err(words)?;
-        match lambda.map(Lambda::keys) {
+        match lambda.as_ref().map(Lambda::keys) {
             Some([(_, value)]) => spec.set_default(Value::Float(*value)),
             Some(keys) => {
                 keys.iter().for_each(|(frame, value)| spec.set_time_sample(frame / frames_per_time_code, Value::Float(*value)));

@@ -155,6 +155,19 @@ def test_lambda_that_leaves_its_range() -> None:
     assert "a driver" in found(scene)["lambda"]
 
 
+def test_a_mask_of_lambda_wants_its_aov() -> None:
+    scene, _ = shot_scene()
+    assert "lambda_mask" not in found(scene)
+    scene.hush.lambda_pass = "Hush Lambda"
+    told = found(scene)["lambda_mask"]
+    assert "no shader AOV Hush Lambda" in told and "Shader AOV" in told and scene.view_layers[0].name in told, told
+    aov = scene.view_layers[0].aovs.add()
+    aov.name, aov.type = "Hush Lambda", "VALUE"
+    assert "lambda_mask" not in found(scene)
+    scene.hush.lambda_images = "//masks/mask_####.exr"
+    assert "not looked at" in found(scene)["lambda_mask"]
+
+
 def test_the_disk_is_not_asked_all_the_time() -> None:
     scene, frames = shot_scene()
     assert found(scene) == {}

@@ -395,3 +395,40 @@ def test_opening_another_file_stops_it() -> None:
     assert fake._begin(window)
     fake.cancel(window)
     assert job.current() is None and fake._job._process.poll() is not None
+
+
+def mask(image: bpy.types.Image, marked: slice, path: Path) -> None:
+    """Writes a mask of the shot's size: 1 in some columns, else 0."""
+    pixels = np.zeros((image.size[1], image.size[0], 4), np.float32)
+    pixels[:, marked, :3] = 1.0
+    pixels[..., 3] = 1.0
+    image.pixels.foreach_set(pixels.ravel())
+    image.filepath_raw, image.file_format = str(path), "OPEN_EXR"
+    image.save()
+
+
+def test_a_mask_keeps_noise_in_its_part_of_the_frame() -> None:
+    scene, frames = shot_scene("masked")
+    scene.hush.lam = 1.0
+    assert bpy.ops.hush.denoise_shot() == {"FINISHED"}
+    plain = kit.layer(frames / "denoised" / NAMES[2], "Combined", "RGB")
+    masks = kit.folder("masks")
+    height, width = plain.shape[:2]
+    image = bpy.data.images.new("mask", width, height, float_buffer=True)
+    for name in NAMES:
+        mask(image, slice(width // 2, None), masks / name)
+    scene.hush.lambda_images, scene.hush.lambda_masked = str(masks / "frame_####.exr"), 64.0
+    assert bpy.ops.hush.denoise_shot() == {"FINISHED"}
+    entries = manifest(frames / "denoised")
+    assert entries[NAMES[2]]["settings"]["lambda_masked"] == 64.0 and entries[NAMES[2]]["lambda_image"], entries[NAMES[2]]
+    masked, noisy = (kit.layer(path / NAMES[2], "Combined", "RGB") for path in (frames / "denoised", frames))
+    change = np.abs(masked - plain).mean(axis=(0, 2))
+    assert change[-width // 4 :].mean() > 20 * change[: width // 8].mean(), change
+    right = slice(width * 3 // 4, None)
+    assert np.abs(masked - noisy)[:, right].mean() < np.abs(plain - noisy)[:, right].mean()
+    # A mask that changed makes its frame stale, and only that.
+    mask(image, slice(width // 3, None), masks / NAMES[1])
+    import hush
+
+    checked = hush.check_sequence(**kit.module("shot").sequences(scene)[0])
+    assert [(frame["frame"], frame["kind"]) for frame in checked["frames"] if frame["state"] == "stale"] == [(2, "lambda_image")]
