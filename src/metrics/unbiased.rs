@@ -86,11 +86,9 @@ pub fn unbiased_flicker_squared(
     let changes = |row: usize, column: usize| {
         let (a, b) = current.errors(row, column)?;
         let (x, y) = source(vectors, row, column);
-        let before = |second: bool| {
-            let error = |(a, b): ([f64; 3], [f64; 3])| if second { b } else { a };
-            sample(previous.pair.size(), x, y, |row, column| previous.errors(row, column).map(error))
-        };
-        let (before_a, before_b) = (before(false)?, before(true)?);
+        let size = previous.pair.size();
+        let before_a = sample(size, x, y, |row, column| Some(previous.errors(row, column)?.0))?;
+        let before_b = sample(size, x, y, |row, column| Some(previous.errors(row, column)?.1))?;
         Some(([0, 1, 2].map(|i| a[i] - before_a[i]), [0, 1, 2].map(|i| b[i] - before_b[i])))
     };
     Ok(current.mean_product(changes, |g| (2.0 * g.abs() + flicker::EPSILON).powi(2)))

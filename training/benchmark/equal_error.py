@@ -120,14 +120,15 @@ def panel(ours: Curve, peer: Curve, title: str, place: tuple[float, float, float
     for n in spp:
         parts.append(f'<text x="{x(n):.1f}" y="{top + high + 18}" text-anchor="middle">{n}</text>')
     parts.append(f'<text x="{left + wide / 2}" y="{top + high + 38}" text-anchor="middle">samples a pixel</text>')
-    lines = ((peer, "#c0392b", "OIDN as Cycles runs it", "end", -10), (ours, "#1f6f8b", "Hush, ±2", "start", 18))
-    for line, colour, name, anchor, lift in lines:
-        points = sorted(line.items())
-        path = " ".join(f"{x(n):.1f},{y(e):.1f}" for n, e in points)
+    # The curves fall: there is room for a name above the upper one's beginning and below the lower one's end.
+    names = ((peer, "#c0392b", "OIDN as Cycles runs it", 0, "start", (14, 4)), (ours, "#1f6f8b", "Hush, ±2", -1, "end", (-12, 4)))
+    for line, colour, name, at, anchor, (across, down) in names:
+        points = [(x(n), y(e)) for n, e in sorted(line.items())]
+        path = " ".join(f"{px:.1f},{py:.1f}" for px, py in points)
         parts.append(f'<polyline points="{path}" fill="none" stroke="{colour}" stroke-width="2"/>')
-        parts += [f'<circle cx="{x(n):.1f}" cy="{y(e):.1f}" r="3" fill="{colour}"/>' for n, e in points]
-        n, e = points[-1] if anchor == "end" else points[0]
-        parts.append(f'<text x="{x(n):.1f}" y="{y(e) + lift:.1f}" text-anchor="{anchor}" fill="{colour}">{name}</text>')
+        parts += [f'<circle cx="{px:.1f}" cy="{py:.1f}" r="3" fill="{colour}"/>' for px, py in points]
+        px, py = points[at]
+        parts.append(f'<text x="{px + across:.1f}" y="{py + down:.1f}" text-anchor="{anchor}" fill="{colour}">{name}</text>')
     for equal in equals(ours, peer):
         if equal.needed is None:
             continue
