@@ -196,6 +196,15 @@ def test_dropped_coarse_features_are_those_of_whole_examples() -> None:
     assert near.min() > 0
 
 
+def test_a_step_is_one_graph_to_the_compiler() -> None:
+    net = random_weights().network().train()
+    net.average = fused.average
+    train.drop_coarse(net, 0.5)
+    batch = batches(Recipe(outputs=2, crop=32, alone=0, paired=1)).draw()
+    found = torch._dynamo.explain(objective)(net, batch, Shares())
+    assert (found.graph_count, found.graph_break_count) == (1, 0), found.break_reasons
+
+
 @pytest.mark.parametrize("references", [(3, 2), (3,)])
 def test_training_lowers_the_loss(references: tuple[int, ...]) -> None:
     torch.manual_seed(1)
