@@ -20,9 +20,10 @@ def stored(name: str, image: Tensor) -> Tensor:
 
 
 def noisy(count: int, rows: int, columns: int, seed: int) -> dict[str, Tensor]:
-    """A take's passes."""
+    """A take's passes; depth is smooth, with background."""
     n = lambda channels, k: noise(count, channels, rows, columns, seed=10 * seed + k)
-    passes = {"colour": n(3, 1) * 3, "albedo": n(3, 2), "normal": n(3, 3) * 2 - 1, "depth": n(1, 4) * 9 - 1}
+    depth = F.interpolate(noise(count, 1, 5, 5, seed=10 * seed + 4), size=(rows, columns), mode="bilinear") * 9 - 1
+    passes = {"colour": n(3, 1) * 3, "albedo": n(3, 2), "normal": n(3, 3) * 2 - 1, "depth": depth}
     return {name: stored(name, image) for name, image in passes.items()}
 
 

@@ -18,6 +18,7 @@ from torch import Tensor, nn
 from training.benchmark import ablate
 from training.data.batches import Batches, Recipe
 from training.data.resident import Resident
+from training.encoder import train as encoder
 from training.example_shots import moving_shot, noise
 from training.network import clock, export, fused, measure, pack, train
 from training.network.loss import asymmetric, fireflies
@@ -195,6 +196,15 @@ def test_dropped_coarse_features_are_those_of_whole_examples() -> None:
     assert near.min() > 0
 
 
+def test_a_step_is_one_graph_to_the_compiler() -> None:
+    net = random_weights().network().train()
+    net.average = fused.average
+    train.drop_coarse(net, 0.5)
+    batch = batches(Recipe(outputs=2, crop=32, alone=0, paired=1)).draw()
+    found = torch._dynamo.explain(objective)(net, batch, Shares())
+    assert (found.graph_count, found.graph_break_count) == (1, 0), found.break_reasons
+
+
 @pytest.mark.parametrize("references", [(3, 2), (3,)])
 def test_training_lowers_the_loss(references: tuple[int, ...]) -> None:
     torch.manual_seed(1)
@@ -280,8 +290,25 @@ def test_a_pack_trains_where_nothing_of_the_project_is(shots: Path, tmp_path: Pa
     subprocess.run([there / "train", *options], check=True, env=environment, cwd=tmp_path)
     subprocess.run([there / "export", "--out", there / "out.safetensors"], check=True, env=environment, cwd=tmp_path)
     assert WeightsFile.read(there / "out.safetensors").architecture() == SMALL
+    pack.write(tmp_path / "again", sorted(shots.iterdir()), None, there / "run/checkpoint.pt", 1_000_000)
+    subprocess.run(["sh", tmp_path / "again/unpack.sh", tmp_path / "third"], check=True)
+    subprocess.run([tmp_path / "third/train", *options, "--steps", "2"], check=True, env=environment, cwd=tmp_path)
+    assert torch.load(tmp_path / "third/run/checkpoint.pt", weights_only=True)["step"] == 2
     (tmp_path / "pack/pack.001").write_bytes(b"damaged")
     assert subprocess.run(["sh", tmp_path / "pack/unpack.sh", there], capture_output=True).returncode != 0
+
+
+def test_another_renderers_encoder_is_trained_by_itself(shots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    weights = tmp_path / "weights.safetensors"
+    trained = random_weights()
+    WeightsFile(trained.weights, {"hush.architecture": json.dumps(SMALL.header())}).write(weights)
+    options = ["--weights", weights, "--shots", shots, "--renderer", "other", "--normals", "world", "--out", tmp_path / "encoder"]
+    started(monkeypatch, encoder, *options, "--minutes", 0.02, "--batch", 1, "--fused")
+    written = WeightsFile.read(weights)
+    assert written.renderers() == ["cycles", "other"]
+    assert all(torch.equal(written.tensors[name], value) for name, value in trained.weights.items())
+    assert (written.weights("other")["encoder.first.weight"] - trained.weights["encoder.first.weight"]).abs().max() > 1e-5
+    assert json.loads(written.header["hush.validation.other"])["smape_window_2"] > 0
 
 
 def test_scores_do_not_depend_on_how_shots_are_taken_together(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 
 from training.data.shots import Shot
@@ -63,7 +64,7 @@ def recoloured(shots: Shot, generator: torch.Generator) -> Shot:
 def composed(front: Shot, behind: Shot, generator: torch.Generator) -> Shot:
     """The nearer part of each shot of a batch in front of a shot of another: all that is nearer than a depth drawn at random.
 
-    Every pass and reference of a pixel comes from one of the two, by the depth of that pixel in that frame, so that noise, guides,
+    Every pass and reference of a pixel comes from one of the two, by the depth around that pixel in that frame, so that noise, guides,
     vectors and target belong together; between frames the front hides and uncovers what is behind it. What is behind is moved behind
     that depth, and its light is brought to about the light in front.
     """
@@ -75,7 +76,10 @@ def composed(front: Shot, behind: Shot, generator: torch.Generator) -> Shot:
     limit = placed.gather(1, at[:, None]).view(b, 1, 1, 1, 1)
     farthest = torch.where(placed.isfinite(), placed, 0.0).amax(1).view_as(limit) * 1.01
     limit = torch.where(limit.isfinite(), limit, farthest)
-    near = (front.depth > 0) & (front.depth < limit)
+    nearer = ((front.depth > 0) & (front.depth < limit)).float()
+    # By the most of 5×5 pixels: where a surface crosses the depth, noise in it would leave specks.
+    most = F.avg_pool2d(nearer.flatten(0, 1), 5, 1, 2, count_include_pad=False).view_as(nearer) > 0.5
+    near = most & (front.depth > 0)
     light = lambda shot: torch.stack([x.clamp_min(0).mean((1, 2, 3)) for x in shot.references.values()]).mean(0).clamp_min(1e-6)
     brightness = torch.exp(torch.randn(b, generator=generator, device=front.depth.device) * BRIGHTNESS)
     gain = (light(front) / light(behind) * brightness).view(b, 1, 1, 1, 1)

@@ -58,7 +58,7 @@ def smoke(at: tuple[float, float, float]) -> None:
     source = shading.place(tree, "TexCoord").outputs["Object"]
     drift = shading.place(tree, "Mapping", {"Vector": source})
     animate(drift.inputs["Location"], "default_value", lambda frame: (0.02 * frame, 0.0, -0.055 * frame))
-    curls = shading.place(tree, "TexNoise", {"Vector": drift.outputs[0], "Scale": 4.2, "Detail": 3.0, "Distortion": 0.6})
+    curls = shading.place(tree, "TexNoise", {"Vector": drift.outputs[0], "Scale": 4.2, "Detail": 2.0})
     apart = shading.place(tree, "SeparateXYZ", {0: source})
     up = shading.place(tree, "MapRange", {0: apart.outputs["Z"], 1: -0.9, 2: 0.9, 3: 0.16, 4: 0.42}).outputs[0]
     flat = shading.place(tree, "VectorMath", {0: source, 1: (1.0, 1.0, 0.0)}, operation="MULTIPLY").outputs[0]

@@ -28,19 +28,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[3]
-PACKAGES = (
-    "bpy",
-    "numpy",
-    "numpy.libs",
-    "OpenEXR*",
-    "Imath.py",
-    "zstandard",
-    "requests",
-    "urllib3",
-    "idna",
-    "certifi",
-    "charset_normalizer",
-)
+PACKAGES = ("bpy", "numpy", "numpy.libs", "OpenEXR*", "Imath.py")
+# What Blender's own add-ons import when it starts.
+PACKAGES += ("attr", "attrs", "cattr", "cattrs", "typing_extensions.py", "requests", "urllib3", "idna", "certifi", "charset_normalizer")
 # Of bpy and of the interpreter, by the path below them.
 LEFT_OUT = re.compile(
     r"__pycache__|\.pyc$|/lib/kernel_gfx|/lib/kernel_oneapi|/lib/libOpenImageDenoise_device|/lib/libur_adapter|/hiprt.*\.zst$"
