@@ -81,7 +81,7 @@ fn image_of_features(features: &Features) -> Array3<f32> {
 fn every_stage_agrees_with_pytorch_on_every_isa() {
     for isa in Isa::available() {
         let [plain, deep] = [1, 3].map(|levels| engine(isa, levels));
-        for name in ["window2", "odd", "window0", "uneven", "window3", "plain_albedo"] {
+        for name in ["window2", "odd", "window0", "uneven", "window3", "plain_albedo", "lambda_map"] {
             let engine = if name == "plain_albedo" { &plain } else { &deep };
             let case = Case::read(name);
             let what = |stage: &str| format!("{name} {stage} on {isa:?}");

@@ -72,7 +72,7 @@ def random_shot(count: int, rows: int, columns: int, generator: torch.Generator)
     return whole, F.pad(valid, (0, up(columns) - columns, 0, up(rows) - rows))
 
 
-def forward(net: Hush, batch: dict[str, Tensor], lam: float) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
+def forward(net: Hush, batch: dict[str, Tensor], lam: Tensor) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
     """The network's outputs, and the features it passes through on the way."""
     stages: dict[str, Tensor] = {}
     modules = {"features": net.encoder, "half_features": net.half_out, "quarter_features": net.quarter_out, "eighth_features": net.eighth}
@@ -81,24 +81,31 @@ def forward(net: Hush, batch: dict[str, Tensor], lam: float) -> tuple[dict[str, 
         return modules[name].register_forward_hook(lambda _module, _inputs, output: stages.__setitem__(name, output[0]))
 
     hooks = [keep(name) for name in modules]
-    result = net(batch, torch.tensor([lam]))
+    result = net(batch, lam)
     for hook in hooks:
         hook.remove()
     return result, stages
 
 
-def case(net: Hush, rows: int, columns: int, offsets: tuple[int, ...], lam: float, generator: torch.Generator) -> dict[str, Tensor]:
-    """One case: the passes as a file would hold them (bad pixels are NaN) and what comes out at every stage."""
+def case(
+    net: Hush, rows: int, columns: int, offsets: tuple[int, ...], lam: float, generator: torch.Generator, mapped: bool = False
+) -> dict[str, Tensor]:
+    """One case: the passes as a file would hold them (bad pixels are NaN) and what comes out at every stage. `mapped`: λ is a map."""
     shot, valid = random_shot(2 * max(2, *map(abs, offsets), 0) + 1, rows, columns, generator)
     batch = {k: v[None] for k, v in prepare(shot, offsets, valid=valid).items()}
-    result, stages = forward(net, batch, lam)
+    chosen = {}
+    whole = torch.tensor([lam])
+    if mapped:
+        chosen["lambda_map"] = torch.exp2(torch.rand(rows, columns, generator=generator) * 6)
+        whole = padded(chosen["lambda_map"][None], *shot.depth.shape[-2:])[None]
+    result, stages = forward(net, batch, whole)
     crop = lambda x, scale=1: x[..., : -(-rows // scale), : -(-columns // scale)].contiguous()
     nan = torch.where(valid > 0, 0.0, float("nan"))
     return {
         "colour": crop(shot.colour + nan), "albedo": crop(shot.albedo), "normal": crop(shot.normal), "depth": crop(shot.depth),
         "vector": crop(shot.vector), "lambda": torch.tensor([lam]), "offsets": torch.tensor(offsets or [0]),
         "image": crop(result["image"][0]), **stages, **{name: crop(result[name][0], scale) for name, scale in LEVELS.items()},
-        "centre": torch.tensor([shot.centre]),
+        "centre": torch.tensor([shot.centre]), **chosen,
     }  # fmt: skip
 
 
@@ -113,7 +120,9 @@ def main() -> None:
     for name, *settings in CASES:
         cases |= {f"{name}.{k}": v.float().contiguous() for k, v in case(net, *settings, generator).items()}
     plain = case(plain_albedo(net), 16, 40, (-1, 1), 4.0, generator)
-    cases |= {f"plain_albedo.{k}": v.float().contiguous() for k, v in plain.items()}
+    mapped = case(net, 21, 37, (-1, 1), 1.0, generator, mapped=True)
+    for name, found in {"plain_albedo": plain, "lambda_map": mapped}.items():
+        cases |= {f"{name}.{k}": v.float().contiguous() for k, v in found.items()}
     save_file(cases, out / "golden_cases.safetensors")
 
 

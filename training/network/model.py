@@ -7,6 +7,7 @@ H and W are multiples of 8. Half, quarter and eighth resolution are h = H/2, H/4
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
 import torch
@@ -16,7 +17,6 @@ from torch import Tensor, nn
 from training.data.geometry import BRIGHTEST, EXTRAS, warped
 
 LOGIT_LIMIT = 40.0
-LAMBDA_MAX = 64.0
 QUERIES = 2
 UNSEEN = -3.0  # logit at which new taps begin: hardly any weight beside trained ones
 
@@ -149,6 +149,11 @@ def key_of(colour: Tensor, exposure: Tensor) -> Tensor:
     return torch.log1p((colour.mean(2, keepdim=True) * exposure.view(-1, 1, 1, 1, 1)).clamp(0, BRIGHTEST))
 
 
+def over_neighbours(layer: Callable[[Tensor], Tensor], x: Tensor) -> Tensor:
+    """A layer for images over the neighbours (B, N, C, h, w) as one batch."""
+    return layer(x.flatten(0, 1)).unflatten(0, x.shape[:2])
+
+
 def upsampled(image: Tensor) -> Tensor:
     return F.interpolate(image, scale_factor=2, mode="nearest")
 
@@ -231,20 +236,19 @@ class Hush(nn.Module):
             self.head_albedo_quarter = silent(a.quarter, albedo)
             self.pair_albedo_quarter_head = silent(a.pair, 1)
 
-    def trunk(self, centre: Tensor, pairs: list[Tensor], lam: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def trunk(self, centre: Tensor, pairs: Tensor | None, lam: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Temporal extractor, U-shaped body and loss specialisation: features at half, quarter and eighth resolution.
 
-        centre (B, features, h, w); pairs: per neighbour (B, features + EXTRAS, h, w), channel `features` its trust.
+        centre (B, features, h, w); pairs: of N neighbours (B, N, features + EXTRAS, h, w), channel `features` their trust, or None.
         """
         f = self.arch.features
         base = self.mix_centre(centre)
-        total = torch.zeros_like(base)
-        trust = torch.ones_like(base[:, :1])
-        for pair in pairs:
-            v = pair[:, f : f + 1]
-            total = total + v * F.relu(base + self.mix_neighbour(pair))
-            trust = trust + v
-        half = self.half_in(self.mix(torch.cat((centre, total / trust), 1)))
+        around = torch.zeros_like(base)
+        if pairs is not None:
+            trust = pairs[:, :, f : f + 1]
+            total = (trust * F.relu(base[:, None] + over_neighbours(self.mix_neighbour, pairs))).sum(1)
+            around = total / (1.0 + trust.sum(1))
+        half = self.half_in(self.mix(torch.cat((centre, around), 1)))
         quarter = self.quarter_in(self.to_quarter(F.relu(half)))
         eighth = self.eighth(self.to_eighth(F.relu(quarter)))
         quarter = self.from_eighth(torch.cat((upsampled(eighth), quarter), 1))
@@ -271,10 +275,10 @@ class Hush(nn.Module):
         """
         a = self.arch
         t = features.shape[1]
-        pairs = [
-            torch.cat((warped(features[:, k], batch["position"][:, k - 1]), batch["extras"][:, k - 1].to(features.dtype)), 1)
-            for k in range(1, t)
-        ]
+        pairs = None
+        if t > 1:
+            moved = warped(features[:, 1:].flatten(0, 1), batch["position"].flatten(0, 1)).unflatten(0, (-1, t - 1))
+            pairs = torch.cat((moved, batch["extras"].to(features.dtype)), 2)
         half, quarter, eighth = (F.relu(x) for x in self.trunk(features[:, 0], pairs, lam))
         head = self.head_half(half)
         n_centre, n_near, n_coarse, n_albedo = a.centre_taps**2, a.neighbour_taps**2, a.coarse_taps**2, a.albedo_taps**2
@@ -282,25 +286,32 @@ class Hush(nn.Module):
         full = subpixels(head[:, : 4 * per_pixel]).split((n_centre, n_coarse, n_albedo), 1)
         half_logits = head[:, 4 * per_pixel :].split((n_centre, n_coarse), 1)
         query = self.query_half(half)
-        full_queries, half_queries = [subpixels(query[:, : 4 * QUERIES])], [query[:, 4 * QUERIES :]]
-        near_full, near_half, near_albedo, half_hidden = [], [], [], []
-        half_base = self.pair_half_centre(half)
-        for pair in pairs:
-            hidden = F.relu(half_base + self.pair_half_neighbour(pair))
-            half_hidden.append(hidden)
-            h, query = self.pair_half_head(hidden), self.pair_half_query(hidden)
-            near = subpixels(h[:, : 4 * (n_near + 1)])
-            near_full.append(near[:, :n_near])
-            near_albedo.append(near[:, n_near:])
-            near_half.append(h[:, 4 * (n_near + 1) :])
-            full_queries.append(subpixels(query[:, : 4 * QUERIES]))
-            half_queries.append(query[:, 4 * QUERIES :])
-        pairs = [F.avg_pool2d(pair, 2) for pair in pairs]
+        full_queries, half_queries = [subpixels(query[:, : 4 * QUERIES])[:, None]], [query[:, None, 4 * QUERIES :]]
+        near_full, near_half, near_albedo, half_hidden = [], [], [], None
+        if pairs is not None:
+            half_hidden = F.relu(self.pair_half_centre(half)[:, None] + over_neighbours(self.pair_half_neighbour, pairs))
+            h, query = over_neighbours(self.pair_half_head, half_hidden), over_neighbours(self.pair_half_query, half_hidden)
+            near = over_neighbours(subpixels, h[:, :, : 4 * (n_near + 1)])
+            near_full, near_albedo = [near[:, :, :n_near].flatten(1, 2)], [near[:, :, n_near:].flatten(1, 2)]
+            near_half = [h[:, :, 4 * (n_near + 1) :].flatten(1, 2)]
+            full_queries.append(over_neighbours(subpixels, query[:, :, : 4 * QUERIES]))
+            half_queries.append(query[:, :, 4 * QUERIES :])
+
+        def coarser(pairs: Tensor) -> Tensor:
+            return over_neighbours(lambda x: F.avg_pool2d(x, 2), pairs)
+
+        def near_kernels(level: str, features: Tensor, pairs: Tensor) -> tuple[Tensor, list[Tensor], list[Tensor]]:
+            """The hidden features of the neighbours' kernels at quarter or eighth resolution, their logits, and their queries."""
+            layer = lambda name: getattr(self, f"pair_{level}_{name}")
+            hidden = F.relu(layer("centre")(features)[:, None] + over_neighbours(layer("neighbour"), pairs))
+            return hidden, [over_neighbours(layer("head"), hidden).flatten(1, 2)], [over_neighbours(layer("query"), hidden)]
+
         quarter_logits = self.head_quarter(quarter).split((n_centre, self.head_quarter.out_channels - n_centre), 1)
-        quarter_base = self.pair_quarter_centre(quarter)
-        quarter_hidden = [F.relu(quarter_base + self.pair_quarter_neighbour(pair)) for pair in pairs]
-        near_quarter = [self.pair_quarter_head(x) for x in quarter_hidden]
-        quarter_queries = [self.query_quarter(quarter), *(self.pair_quarter_query(x) for x in quarter_hidden)]
+        quarter_hidden, near_quarter, quarter_queries = None, [], []
+        if pairs is not None:
+            pairs = coarser(pairs)
+            quarter_hidden, near_quarter, quarter_queries = near_kernels("quarter", quarter, pairs)
+        quarter_queries.insert(0, self.query_quarter(quarter)[:, None])
 
         images = [(batch["colour"].float(), batch["valid"].float())]
         for _ in range(a.levels - 1):
@@ -314,16 +325,16 @@ class Hush(nn.Module):
             The coarse taps are the paper's blend: their summed weight is α, their shares a predicted up-sampling kernel, so
             o = (1 − α)·f + α·U(o_coarse) is a weighted average of rendered pixels.
             """
-            keyed = torch.stack(queries, 1).float(), key_of(images[k][0], batch["exposure"])
+            keyed = torch.cat(queries, 1).float(), key_of(images[k][0], batch["exposure"])
             out, norm = self.average(torch.cat(parts, 1), *images[k], sizes, coarse, a.coarse_taps, keyed)
             return out, (norm > 0).float()
 
         out_eighth = None
         if a.levels > 3:
-            eighth_base = self.pair_eighth_centre(eighth)
-            hidden = [F.relu(eighth_base + self.pair_eighth_neighbour(F.avg_pool2d(pair, 2))) for pair in pairs]
-            near = [self.pair_eighth_head(x) for x in hidden]
-            eighth_queries = [self.query_eighth(eighth), *(self.pair_eighth_query(x) for x in hidden)]
+            near, eighth_queries = [], []
+            if pairs is not None:
+                _, near, eighth_queries = near_kernels("eighth", eighth, coarser(pairs))
+            eighth_queries.insert(0, self.query_eighth(eighth)[:, None])
             out_eighth = level(3, [self.head_eighth(eighth), *near], eighth_queries, None)
         out_quarter = level(2, [quarter_logits[0], *near_quarter, quarter_logits[1]], quarter_queries, out_eighth)
         out_half = level(1, [half_logits[0], *near_half, half_logits[1]], half_queries, out_quarter)
@@ -342,11 +353,11 @@ class Hush(nn.Module):
 
         albedo_coarse, albedo_full = None, [full[2], *near_albedo]
         if a.albedo_levels > 1:
-            near = [self.pair_albedo_quarter_head(x) for x in quarter_hidden]
+            near = [over_neighbours(self.pair_albedo_quarter_head, quarter_hidden).flatten(1, 2)] if t > 1 else []
             albedo_coarse = albedo_level(2, [self.head_albedo_quarter(quarter), *near], None)
             logits = self.head_albedo_half(half)
             own, below = logits[:, 4 * n_coarse :].split((n_albedo, n_coarse), 1)
-            near = [self.pair_albedo_half_head(x) for x in half_hidden]
+            near = [over_neighbours(self.pair_albedo_half_head, half_hidden).flatten(1, 2)] if t > 1 else []
             albedo_coarse = albedo_level(1, [own, *near, below], albedo_coarse)
             albedo_full.append(subpixels(logits[:, : 4 * n_coarse]))
         albedo, norm = albedo_level(0, albedo_full, albedo_coarse)
