@@ -45,10 +45,10 @@ TEXTS = {
     "lambda_driver_now": "λ has a driver or NLA strips: its value now is used for all frames",
     "lambda_outside": "λ Noise to Keep is {value:g} at frame {frame}: what is outside {low:g} to {high:g} is cut off",
     "lambda_mask_missing": (
-        "View layer {layer} has no shader AOV {name}, which λ Mask AOV names: add it under View Layer › Passes › Shader AOV with the type "
+        "View layer {layer} has no shader AOV {name}, which λ Mask AOV names: add one under View Layer › Passes › Shader AOV with the type "
         "Value, and an AOV Output node of that name, with Value 1, to the materials that shall keep noise"
     ),
-    "lambda_mask_both": "λ Mask AOV {name} is not looked at: λ Mask Images are the mask",
+    "lambda_mask_both": "λ Mask AOV {name} is not looked at, as λ Mask Images are the mask: choose one of the two",
     "frame_step": (
         "Frame Step is {step}: motion vectors point at the frame right beside, which is not rendered, so neighbours cannot help. "
         "Set Frame Step to 1"

@@ -88,7 +88,8 @@ fn every_combination_is_there_and_only_the_window_is_read() {
     shot.truncate(8);
     let sequence = Sequence::find(&[shot.folder()]).unwrap();
     let selection = Selection { layers: vec!["all".into()], ..Selection::default() };
-    let asked = Request { frame: 5, lambdas: vec![1.0, 16.0], windows: vec![0, 2], region: None, flicker: true };
+    let asked =
+        Request { frame: 5, lambdas: vec![1.0, 16.0], lambda_masked: None, windows: vec![0, 2], region: None, flicker: true };
     let mut told = std::sync::Mutex::new(Vec::new());
     let listen = |f: f64| told.lock().unwrap().push(f);
     let made = preview((&sequence, &selection), &asked, &shot.engine, &listen, &CancelToken::new()).unwrap();

@@ -158,7 +158,7 @@ fn what_is_wrong_is_named_with_file_and_prim() {
         ),
         (
             r#"def RenderPass "P" { int hush:window.timeSamples = { 1: 1, 2: 2 } }"#,
-            vec!["hush:window>", "only hush:lambda may change"],
+            vec!["hush:window>", "only hush:lambda and hush:lambdaMasked may change"],
         ),
         (r#"def RenderPass "P" { token[] hush:guides = ["colour"] }"#, vec!["hush:guides>", "albedo, normal"]),
         (r#"def RenderPass "P" { rel denoise:pass = </Render/Gone> }"#, vec!["denoise:pass> points to </Render/Gone>"]),

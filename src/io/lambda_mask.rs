@@ -53,7 +53,7 @@ pub(super) fn find(
 ) -> Result<PassRef> {
     let missing = |advice: String| Error::MissingPass { path: layout.path.clone(), pass: name.into(), advice };
     let pass = pass_names::anywhere(layout, layer, name, view)
-        .ok_or_else(|| missing(format!("{ADVICE}, or set lambda pass to one that is there; {}", pass_names::there(layout))))?;
+        .ok_or_else(|| missing(format!("{ADVICE}, or name one that is there: {}", pass_names::there(layout))))?;
     let channel = mask_channel(pass).or_else(|| pass.channel(name)).cloned();
     let channel = channel.ok_or_else(|| missing("the pass is there, but it has neither one channel nor R, G, B".into()))?;
     let found = PassRef::new(layer, pass, vec![channel]);

@@ -93,7 +93,9 @@ impl Job {
     pub(crate) fn lambda_notes(&self) -> Vec<String> {
         let mut notes = self.settings.lambda_notes();
         if self.settings.lambda_masked.is_some() && !self.settings.has_lambda_mask() {
-            notes.push("lambda masked does nothing without a mask: set lambda pass to NAME or lambda images to PATTERN".into());
+            notes.push(
+                "lambda masked does nothing without a mask: set lambda pass to NAME, or set lambda images to PATTERN".into(),
+            );
         }
         if self.settings.lambda_images.is_some() && self.selection().lambda_pass.is_some() {
             notes.push("lambda pass is not looked at: lambda images are the mask".into());
