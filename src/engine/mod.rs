@@ -20,8 +20,9 @@ use crate::network::features::Features;
 use crate::network::levels::kernel_reach;
 use crate::network::predictor::Predictor;
 use crate::network::temporal::Temporal;
+pub use crate::network::variance::VARIANCES;
 use crate::network::warp::any_trusted;
-pub use crate::network::weights::Weights;
+use crate::network::weights::Weights;
 pub use crate::rules::skip::{LeftOut, RULES, Rule, Skip};
 pub use crate::simd::Isa;
 
@@ -137,7 +138,7 @@ impl Engine {
             features: a.features,
             widths: [a.centre_taps, a.neighbour_taps, a.coarse_taps, a.albedo_taps],
             epsilon: a.albedo_epsilon,
-            channels_per_pixel: 3 * a.half + a.quarter + a.eighth / 2,
+            channels_per_pixel: 3 * a.half + a.quarter + a.eighth / 2 + a.variance * VARIANCES,
             clock: Clock::default(),
         })
     }

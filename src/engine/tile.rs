@@ -14,6 +14,7 @@ use crate::layers::Activation;
 use crate::network::gathered::Gathered;
 use crate::network::levels::{Level, Levels, Margins, Pyramid, pyramid_of};
 use crate::network::pairs::Neighbour;
+use crate::network::variance::variances;
 use crate::network::warp::{Warped, centre_planes, warp};
 use crate::tiles::Tile;
 
@@ -60,7 +61,9 @@ impl Engine {
         let neighbours: Vec<Neighbour> =
             paths.iter().zip(&warped).map(|(path, warped)| Neighbour { features: &path.neighbour().features, warped }).collect();
         let (mixed, gathered) = self.clock.time(Stage::Temporal, || {
-            let (mixed, quarter) = self.temporal.run(self.isa, &centre.features, &neighbours, region, &self.buffers);
+            let noise = self.temporal.wants_variances().then(|| variances(self.isa, &pyramid.full, &channels));
+            let (mixed, quarter) =
+                self.temporal.run(self.isa, &centre.features, &neighbours, noise.as_ref(), region, &self.buffers);
             let eighth = quarter.halved();
             (mixed, [quarter, eighth])
         });

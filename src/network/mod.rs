@@ -13,5 +13,6 @@ pub mod renderers;
 pub mod residual;
 pub mod specialisation;
 pub mod temporal;
+pub mod variance;
 pub mod warp;
 pub mod weights;

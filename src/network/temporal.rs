@@ -7,9 +7,11 @@ use rayon::prelude::*;
 use super::features::Features;
 use super::gathered::{Gathered, halve};
 use super::pairs::{Neighbour, features_of, gather};
+use super::variance::VARIANCES;
 use super::warp::EXTRAS;
 use super::weights::Weights;
 use crate::error::Result;
+use crate::kernels::planes::Planes;
 use crate::layers::Activation;
 use crate::layers::{Dense, SEGMENT};
 use crate::memory::BufferPool;
@@ -24,6 +26,7 @@ pub struct Temporal {
     mix: Dense,
     features: usize,
     width: usize,
+    variances: usize,
 }
 
 /// A 1×1 layer of the weights as a [`Dense`].
@@ -36,22 +39,30 @@ impl Temporal {
     /// Takes the layers `mix*` of the weights.
     pub fn new(weights: &Weights) -> Result<Self> {
         let (features, width) = (weights.architecture.features, weights.architecture.half);
+        let variances = weights.architecture.variance * VARIANCES;
         Ok(Self {
             centre: dense(weights, "mix_centre", width, features, true)?,
             neighbour: dense(weights, "mix_neighbour", width, features + EXTRAS, false)?,
-            mix: dense(weights, "mix", width, features + width, true)?,
+            mix: dense(weights, "mix", width, features + width + variances, true)?,
             features,
             width,
+            variances,
         })
     }
 
-    /// The body's input over `region`, of even size, from the centre's features over the whole frame; and what the neighbours are at
+    /// Whether it is told how noisy a pixel is.
+    pub fn wants_variances(&self) -> bool {
+        self.variances > 0
+    }
+
+    /// The body's input over `region`, of even size, from the centre's features over the whole frame and the variances of the region where they are wanted; and what the neighbours are at
     /// quarter resolution. Both in memory from `pool`.
     pub fn run(
         &self,
         isa: Isa,
         centre: &Features,
         neighbours: &[Neighbour],
+        variances: Option<&Planes>,
         region: Rect,
         pool: &BufferPool,
     ) -> (Activation, Gathered) {
@@ -60,10 +71,11 @@ impl Temporal {
         let mut quarter = Gathered::new(region.rows / 2, region.columns / 2, neighbours.len(), self.features, pool);
         let rows = out.as_mut_slice().par_chunks_mut(2 * region.columns * self.width).enumerate();
         if neighbours.is_empty() {
-            rows.for_each(|(y, rows)| temporal_rows(isa, self, centre, neighbours, region, y, rows, &mut []));
+            rows.for_each(|(y, rows)| temporal_rows(isa, self, centre, neighbours, variances, region, y, rows, &mut []));
         } else {
-            rows.zip(quarter.rows_mut())
-                .for_each(|((y, rows), quarter)| temporal_rows(isa, self, centre, neighbours, region, y, rows, quarter));
+            rows.zip(quarter.rows_mut()).for_each(|((y, rows), quarter)| {
+                temporal_rows(isa, self, centre, neighbours, variances, region, y, rows, quarter)
+            });
         }
         (out, quarter)
     }
@@ -77,6 +89,7 @@ fn rows_body<S: Simd>(
     layers: &Temporal,
     centre: &Features,
     neighbours: &[Neighbour],
+    variances: Option<&Planes>,
     region: Rect,
     y: usize,
     out: &mut [f32],
@@ -84,7 +97,7 @@ fn rows_body<S: Simd>(
 ) {
     let (features, width) = (layers.features, layers.width);
     let size = (features + EXTRAS) * SEGMENT;
-    let mut joined = vec![0.0; (features + width) * SEGMENT];
+    let mut joined = vec![0.0; (features + width + layers.variances) * SEGMENT];
     let mut pairs = vec![0.0; 2 * neighbours.len() * size];
     let mut base = vec![0.0; layers.centre.output_len()];
     let mut each = vec![0.0; layers.neighbour.output_len()];
@@ -93,21 +106,28 @@ fn rows_body<S: Simd>(
         for (dy, out) in out.chunks_exact_mut(region.columns * width).enumerate() {
             features_of(s, centre, region, 2 * y + dy, x, &mut joined);
             layers.centre.run(s, &joined, None, false, &mut base);
-            joined[features * SEGMENT..].fill(0.0);
+            let (around, noise) = joined[features * SEGMENT..].split_at_mut(width * SEGMENT);
+            around.fill(0.0);
+            if let Some(variances) = variances {
+                let count = SEGMENT.min(region.columns - x);
+                for (channel, to) in noise.chunks_exact_mut(SEGMENT).enumerate() {
+                    to[..count].copy_from_slice(&variances.row(channel, 2 * y + dy)[x..x + count]);
+                }
+            }
             let mut trust = [1.0f32; SEGMENT];
             for (n, neighbour) in neighbours.iter().enumerate() {
                 let pair = &mut pairs[(2 * n + dy) * size..][..size];
                 gather(s, *neighbour, region, 2 * y + dy, x, pair);
                 layers.neighbour.run(s, pair, Some(&base), true, &mut each);
                 let share = &pair[features * SEGMENT..][..SEGMENT];
-                for (sum, value) in joined[features * SEGMENT..].chunks_exact_mut(SEGMENT).zip(each.chunks_exact(SEGMENT)) {
+                for (sum, value) in around.chunks_exact_mut(SEGMENT).zip(each.chunks_exact(SEGMENT)) {
                     for p in 0..SEGMENT {
                         sum[p] += share[p] * value[p];
                     }
                 }
                 trust.iter_mut().zip(share).for_each(|(sum, v)| *sum += v);
             }
-            for sum in joined[features * SEGMENT..].chunks_exact_mut(SEGMENT) {
+            for sum in around.chunks_exact_mut(SEGMENT) {
                 for p in 0..SEGMENT {
                     sum[p] /= trust[p];
                 }
@@ -145,6 +165,7 @@ dispatch! {
         layers: &Temporal,
         centre: &Features,
         neighbours: &[Neighbour<'_>],
+        variances: Option<&Planes>,
         region: Rect,
         y: usize,
         out: &mut [f32],

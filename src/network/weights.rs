@@ -65,6 +65,9 @@ pub struct Architecture {
     pub levels: usize,
     /// What is added to the albedo before dividing by it.
     pub albedo_epsilon: f32,
+    /// Whether the temporal extractor is told how noisy a pixel is, 0 or 1; 0 in files that do not say.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub variance: usize,
 }
 
 fn one() -> usize {
@@ -73,6 +76,10 @@ fn one() -> usize {
 
 fn is_one(levels: &usize) -> bool {
     *levels == 1
+}
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 impl Architecture {
@@ -85,6 +92,9 @@ impl Architecture {
         }
         if ![1, 3].contains(&self.albedo_levels) {
             return Err(format!("the albedo on {} levels, this build filters it on 1 or 3", self.albedo_levels));
+        }
+        if self.variance > 1 {
+            return Err(format!("variance {} must be 0 or 1", self.variance));
         }
         let widths = [self.features, self.half, self.quarter, self.eighth, self.pair];
         if widths.iter().any(|w| *w == 0 || w % 16 != 0 || *w > 256) {
@@ -184,6 +194,15 @@ impl Weights {
         self.renderers = vec![name];
         self.renderer = renderer.map(str::to_owned);
         Ok(self)
+    }
+
+    /// The same weights as of an architecture without what came later.
+    #[cfg(test)]
+    pub(crate) fn make_older(&mut self) {
+        let inputs = self.architecture.features + self.architecture.half;
+        (self.architecture.albedo_levels, self.architecture.variance) = (1, 0);
+        let mix = &mut self.tensors.get_mut("mix.weight").expect("every network has it");
+        **mix = mix.slice_axis(ndarray::Axis(1), (..inputs).into()).to_owned();
     }
 
     fn take(&self, key: &str, shape: &[usize]) -> Result<ArrayD<f32>> {

@@ -18,11 +18,12 @@ from torch import Tensor
 from training.data.inputs import prepare
 from training.data.shots import Shot
 from training.network.model import Architecture, Hush
+from training.network.weights_file import begin_from
 
 SMALL = Architecture(
     features=16, half=32, quarter=48, eighth=16, blocks_encoder=2, blocks_half=1, blocks_quarter=1, blocks_eighth=2, blocks_out=2,
     pair=16, lambda_hidden=4,
-    centre_taps=5, neighbour_taps=3, coarse_taps=3, albedo_taps=3, albedo_levels=3,
+    centre_taps=5, neighbour_taps=3, coarse_taps=3, albedo_taps=3, albedo_levels=3, variance=1,
 )  # fmt: skip
 LEVELS = {"half": 2, "quarter": 4, "eighth": 8}
 CASES: tuple[tuple[str, int, int, tuple[int, ...], float], ...] = (
@@ -49,10 +50,10 @@ def random_model(generator: torch.Generator) -> Hush:
     return net.eval()
 
 
-def plain_albedo(net: Hush) -> Hush:
-    """The same weights with the albedo filtered at full resolution only, as older weights do."""
-    plain = Hush(replace(net.arch, albedo_levels=1))
-    plain.load_state_dict({k: v for k, v in net.state_dict().items() if k in plain.state_dict()})
+def older(net: Hush) -> Hush:
+    """The same weights with the albedo filtered at full resolution only and without variances, as older weights are."""
+    plain = Hush(replace(net.arch, albedo_levels=1, variance=0))
+    begin_from(plain, {k: v[:, : plain.mix.in_channels] if k == "mix.weight" else v for k, v in net.state_dict().items()})
     return plain.eval()
 
 
@@ -119,9 +120,9 @@ def main() -> None:
     cases: dict[str, Tensor] = {}
     for name, *settings in CASES:
         cases |= {f"{name}.{k}": v.float().contiguous() for k, v in case(net, *settings, generator).items()}
-    plain = case(plain_albedo(net), 16, 40, (-1, 1), 4.0, generator)
+    plain = case(older(net), 16, 40, (-1, 1), 4.0, generator)
     mapped = case(net, 21, 37, (-1, 1), 1.0, generator, mapped=True)
-    for name, found in {"plain_albedo": plain, "lambda_map": mapped}.items():
+    for name, found in {"older": plain, "lambda_map": mapped}.items():
         cases |= {f"{name}.{k}": v.float().contiguous() for k, v in found.items()}
     save_file(cases, out / "golden_cases.safetensors")
 

@@ -18,12 +18,13 @@ from training.data.geometry import BRIGHTEST, EXTRAS, warped
 
 LOGIT_LIMIT = 40.0
 QUERIES = 2
+VARIANCES = 7
 UNSEEN = -3.0  # logit at which new taps begin: hardly any weight beside trained ones
 
 
 @dataclass(frozen=True)
 class Architecture:
-    """Everything that the Rust network needs to build itself; stored in the weights file's header. albedo_levels is 1 or 3."""
+    """Everything that the Rust network needs to build itself; stored in the weights file's header. albedo_levels is 1 or 3, variance 0 or 1."""
 
     version: int = 2
     features: int = 32
@@ -44,10 +45,11 @@ class Architecture:
     albedo_levels: int = 1
     levels: int = 4
     albedo_epsilon: float = 0.05
+    variance: int = 0
 
     def header(self) -> dict[str, int | float]:
         """What the weights file says; what is as in older files is left out."""
-        return {k: v for k, v in asdict(self).items() if (k, v) != ("albedo_levels", 1)}
+        return {k: v for k, v in asdict(self).items() if (k, v) not in (("albedo_levels", 1), ("variance", 0))}
 
 
 class Residual(nn.Module):
@@ -149,6 +151,22 @@ def key_of(colour: Tensor, exposure: Tensor) -> Tensor:
     return torch.log1p((colour.mean(2, keepdim=True) * exposure.view(-1, 1, 1, 1, 1)).clamp(0, BRIGHTEST))
 
 
+def variances(keys: Tensor, albedo: Tensor, valid: Tensor) -> Tensor:
+    """How noisy a pixel is, (B, VARIANCES, H/2, W/2), of keys (B, T, 1, H, W), albedo (B, T, 3, H, W) and valid (B, T, 1, H, W).
+
+    Variance over the frames, within 2×2 pixels of the centre frame, and within 2×2 of the mean over the frames: of the albedo (the mean of
+    its channels) and of the key each, as log1p(1e4 · v) / 8; and one over the frames that are valid, 1 at most.
+    """
+    guides = torch.cat((albedo, keys), 2)
+    count = valid.sum(1)
+    mean = (guides * valid).sum(1) / count.clamp_min(1.0)
+    within = lambda x: F.avg_pool2d((x - upsampled(F.avg_pool2d(x, 2))) ** 2, 2)
+    between = F.avg_pool2d(((guides - mean[:, None]) ** 2 * valid).sum(1) / count.clamp_min(1.0), 2)
+    parts = [part for x in (between, within(guides[:, 0]), within(mean)) for part in (x[:, :3].mean(1, keepdim=True), x[:, 3:])]
+    share = 1.0 / F.avg_pool2d(count, 2).clamp_min(1.0)
+    return torch.cat((*((1e4 * part).log1p() / 8.0 for part in parts), share), 1)
+
+
 def over_neighbours(layer: Callable[[Tensor], Tensor], x: Tensor) -> Tensor:
     """A layer for images over the neighbours (B, N, C, h, w) as one batch."""
     return layer(x.flatten(0, 1)).unflatten(0, x.shape[:2])
@@ -196,7 +214,7 @@ class Hush(nn.Module):
         self.encoder = Encoder(a)
         self.mix_centre = nn.Conv2d(a.features, a.half, 1)
         self.mix_neighbour = nn.Conv2d(a.features + EXTRAS, a.half, 1, bias=False)
-        self.mix = nn.Conv2d(a.features + a.half, a.half, 1)
+        self.mix = nn.Conv2d(a.features + a.half + a.variance * VARIANCES, a.half, 1)
         self.half_in = residuals(a.half, a.blocks_half)
         self.to_quarter = nn.Conv2d(a.half, a.quarter, 3, stride=2, padding=1)
         self.quarter_in = residuals(a.quarter, a.blocks_quarter)
@@ -236,10 +254,11 @@ class Hush(nn.Module):
             self.head_albedo_quarter = silent(a.quarter, albedo)
             self.pair_albedo_quarter_head = silent(a.pair, 1)
 
-    def trunk(self, centre: Tensor, pairs: Tensor | None, lam: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def trunk(self, centre: Tensor, pairs: Tensor | None, noise: Tensor | None, lam: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Temporal extractor, U-shaped body and loss specialisation: features at half, quarter and eighth resolution.
 
-        centre (B, features, h, w); pairs: of N neighbours (B, N, features + EXTRAS, h, w), channel `features` their trust, or None.
+        centre (B, features, h, w); pairs: of N neighbours (B, N, features + EXTRAS, h, w), channel `features` their trust, or None; noise:
+        `variances` where the architecture has them.
         """
         f = self.arch.features
         base = self.mix_centre(centre)
@@ -248,7 +267,7 @@ class Hush(nn.Module):
             trust = pairs[:, :, f : f + 1]
             total = (trust * F.relu(base[:, None] + over_neighbours(self.mix_neighbour, pairs))).sum(1)
             around = total / (1.0 + trust.sum(1))
-        half = self.half_in(self.mix(torch.cat((centre, around), 1)))
+        half = self.half_in(self.mix(torch.cat((centre, around) if noise is None else (centre, around, noise.to(centre.dtype)), 1)))
         quarter = self.quarter_in(self.to_quarter(F.relu(half)))
         eighth = self.eighth(self.to_eighth(F.relu(quarter)))
         quarter = self.from_eighth(torch.cat((upsampled(eighth), quarter), 1))
@@ -279,7 +298,9 @@ class Hush(nn.Module):
         if t > 1:
             moved = warped(features[:, 1:].flatten(0, 1), batch["position"].flatten(0, 1)).unflatten(0, (-1, t - 1))
             pairs = torch.cat((moved, batch["extras"].to(features.dtype)), 2)
-        half, quarter, eighth = (F.relu(x) for x in self.trunk(features[:, 0], pairs, lam))
+        colour, albedo, valid = (batch[name].float() for name in ("colour", "albedo", "valid"))
+        noise = variances(key_of(colour, batch["exposure"]), albedo, valid) if a.variance else None
+        half, quarter, eighth = (F.relu(x) for x in self.trunk(features[:, 0], pairs, noise, lam))
         head = self.head_half(half)
         n_centre, n_near, n_coarse, n_albedo = a.centre_taps**2, a.neighbour_taps**2, a.coarse_taps**2, a.albedo_taps**2
         per_pixel = n_centre + n_coarse + n_albedo
@@ -313,7 +334,7 @@ class Hush(nn.Module):
             quarter_hidden, near_quarter, quarter_queries = near_kernels("quarter", quarter, pairs)
         quarter_queries.insert(0, self.query_quarter(quarter)[:, None])
 
-        images = [(batch["colour"].float(), batch["valid"].float())]
+        images = [(colour, valid)]
         for _ in range(a.levels - 1):
             image, mask = down(images[-1][0].flatten(0, 1), images[-1][1].flatten(0, 1))
             images.append((image.unflatten(0, (-1, t)), mask.unflatten(0, (-1, t))))
@@ -340,7 +361,7 @@ class Hush(nn.Module):
         out_half = level(1, [half_logits[0], *near_half, half_logits[1]], half_queries, out_quarter)
         out, _ = level(0, [full[0], *near_full, full[1]], full_queries, out_half)
 
-        albedos = [(batch["albedo"].float(), images[0][1])]
+        albedos = [(albedo, valid)]
         for k in range(1, a.albedo_levels):
             image, _ = down(albedos[-1][0].flatten(0, 1), images[k - 1][1].flatten(0, 1))
             albedos.append((image.unflatten(0, (-1, t)), images[k][1]))
@@ -360,8 +381,8 @@ class Hush(nn.Module):
             near = [over_neighbours(self.pair_albedo_half_head, half_hidden).flatten(1, 2)] if t > 1 else []
             albedo_coarse = albedo_level(1, [own, *near, below], albedo_coarse)
             albedo_full.append(subpixels(logits[:, : 4 * n_coarse]))
-        albedo, norm = albedo_level(0, albedo_full, albedo_coarse)
-        albedo = torch.where(norm > 0, albedo, batch["albedo"][:, 0].float())
-        return {"image": out * albedo, "colour": out, "half": out_half[0], "quarter": out_quarter[0], "albedo": albedo} | (
+        filtered, norm = albedo_level(0, albedo_full, albedo_coarse)
+        filtered = torch.where(norm > 0, filtered, albedo[:, 0])
+        return {"image": out * filtered, "colour": out, "half": out_half[0], "quarter": out_quarter[0], "albedo": filtered} | (
             {"eighth": out_eighth[0]} if out_eighth else {}
         )
