@@ -20,7 +20,7 @@ use crate::network::features::Features;
 use crate::network::levels::kernel_reach;
 use crate::network::predictor::Predictor;
 use crate::network::temporal::Temporal;
-pub use crate::network::variance::VARIANCES;
+use crate::network::variance::VARIANCES;
 use crate::network::warp::any_trusted;
 use crate::network::weights::Weights;
 pub use crate::rules::skip::{LeftOut, RULES, Rule, Skip};

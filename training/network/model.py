@@ -24,7 +24,10 @@ UNSEEN = -3.0  # logit at which new taps begin: hardly any weight beside trained
 
 @dataclass(frozen=True)
 class Architecture:
-    """Everything that the Rust network needs to build itself; stored in the weights file's header. albedo_levels is 1 or 3, variance 0 or 1."""
+    """Everything that the Rust network needs to build itself; stored in the weights file's header.
+
+    albedo_levels is 1 or 3, variance 0 or 1.
+    """
 
     version: int = 2
     features: int = 32
