@@ -22,7 +22,7 @@ use crate::network::predictor::Predictor;
 use crate::network::temporal::Temporal;
 use crate::network::variance::VARIANCES;
 use crate::network::warp::any_trusted;
-use crate::network::weights::Weights;
+pub use crate::network::weights::Weights;
 pub use crate::rules::skip::{LeftOut, RULES, Rule, Skip};
 pub use crate::simd::Isa;
 
