@@ -19,16 +19,7 @@ fn right(_: usize, x: usize) -> f32 {
     ((x as f32 - 10.0) / 4.0).clamp(0.0, 1.0)
 }
 
-const MASKED: Look = Look {
-    columns: 24,
-    rows: 16,
-    seed: None,
-    vector: Some(0.25),
-    noisy_image: false,
-    compression: exr::prelude::Compression::ZIP16,
-    layers: &["ViewLayer"],
-    mask: Some(right),
-};
+const MASKED: Look = Look { mask: Some(right), ..Look::PLAIN };
 
 /// λ from 1 to 64 by the pass.
 fn by_pass(s: &mut ShotSettings) {

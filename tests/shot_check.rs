@@ -186,16 +186,7 @@ fn one_frame_is_asked_about_as_the_whole_shot_is() {
 
 #[test]
 fn better_frames_are_not_replaced_by_worse_ones() {
-    const TWO: Look = Look {
-        columns: 24,
-        rows: 16,
-        seed: None,
-        vector: Some(0.25),
-        noisy_image: false,
-        compression: exr::prelude::Compression::ZIP16,
-        layers: &["ViewLayer", "Sharp"],
-        mask: None,
-    };
+    const TWO: Look = Look { layers: &["ViewLayer", "Sharp"], ..Look::PLAIN };
     let shot = Shot::new(1..=3, TWO);
     let mut with_vectors = shot.job();
     with_vectors.settings.layers = Some(vec!["ViewLayer".into()]);

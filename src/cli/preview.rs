@@ -74,7 +74,7 @@ pub(super) fn show_preview(args: &PreviewArgs, catch_signals: CatchSignals) -> R
     let request = Request {
         frame: args.frame,
         lambdas: if lambdas.is_empty() { vec![job.lambda().at(args.frame)] } else { lambdas },
-        lambda_masked: job.lambda_masked().map(|lambda| lambda.at(args.frame)),
+        lambda_masked: job.lambda_masked(args.frame),
         windows: if args.window.is_empty() { job.settings.window.into_iter().collect() } else { args.window.clone() },
         region: args.region,
         flicker: args.flicker,

@@ -95,7 +95,7 @@ fn every_stage_agrees_with_pytorch_on_every_isa() {
             let neighbours: Vec<(i32, &EncodedFrame)> = offsets.iter().map(|o| (*o, at(*o))).collect();
             let map =
                 case.0.contains_key("lambda_map").then(|| LambdaMap::new(case.get::<Ix2>("lambda_map").view(), 1.0).unwrap());
-            let dial = map.as_ref().map_or_else(|| Dial::Constant(case.0["lambda"][0]), Dial::Map);
+            let dial = Dial::new(case.0["lambda"][0], map.as_ref());
             compare(&what("features"), image_of_features(&frames[centre].features).view(), case.get("features"));
             let stages = engine.stages(&frames[centre], &neighbours, dial);
             for (features, name) in stages.features.iter().zip(["half_features", "quarter_features", "eighth_features"]).rev() {

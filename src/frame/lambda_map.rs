@@ -19,6 +19,13 @@ pub enum Dial<'a> {
     Map(&'a LambdaMap),
 }
 
+impl<'a> Dial<'a> {
+    /// The map where there is one, else `lambda` everywhere.
+    pub(crate) fn new(lambda: f32, map: Option<&'a LambdaMap>) -> Self {
+        map.map_or(Self::Constant(lambda), Self::Map)
+    }
+}
+
 impl From<f32> for Dial<'static> {
     fn from(lambda: f32) -> Self {
         Self::Constant(lambda)
@@ -65,11 +72,14 @@ impl LambdaMap {
     pub fn new(lambda: ArrayView2<f32>, otherwise: f32) -> Result<Self> {
         let otherwise = in_range(otherwise)?;
         let bounded = |v: f32| if v.is_nan() { otherwise } else { v.clamp(LAMBDA_RANGE.0, LAMBDA_RANGE.1) };
-        let mut values = lambda.iter().map(|v| bounded(*v));
-        let first = values.next();
-        let constant = first.filter(|first| values.all(|v| v == *first));
+        let constant = uniform(lambda.iter().map(|v| bounded(*v)));
         let changed = lambda.iter().filter(|v| bounded(**v) != **v).count();
         Ok(Self { size: lambda.dim(), codes: halved(lambda, |v| code(bounded(v))), constant, changed })
+    }
+
+    /// Of a frame's mask and λ of what it marks, where there are both: [`LambdaMask::mix`].
+    pub(crate) fn of_mask(mask: Option<&LambdaMask>, lambda: f32, masked: Option<f32>) -> Result<Option<Self>> {
+        mask.zip(masked).map(|(mask, masked)| mask.mix(lambda, masked)).transpose()
     }
 
     /// Rows and columns of the frame.
@@ -117,8 +127,7 @@ impl LambdaMask {
             (least, greatest) = (least.min(*v), greatest.max(*v));
             not_numbers += usize::from(v.is_nan());
         }
-        let first = mask.first().map(|v| bounded(*v));
-        let constant = first.filter(|first| mask.iter().all(|v| bounded(*v) == *first));
+        let constant = uniform(mask.iter().map(|v| bounded(*v)));
         let beyond = (least < -ROUNDING || greatest > 1.0 + ROUNDING).then_some((least, greatest));
         Self { size: mask.dim(), shares: halved(mask, bounded), constant, not_numbers, beyond }
     }
@@ -171,6 +180,12 @@ pub(crate) fn in_range(lambda: f32) -> Result<f32> {
 /// A λ of 1…64 as the network takes it, 0…1.
 pub(crate) fn code(lambda: f32) -> f32 {
     lambda.log2() / LAMBDA_RANGE.1.log2()
+}
+
+/// The value that all have, if they have one.
+fn uniform(mut values: impl Iterator<Item = f32>) -> Option<f32> {
+    let first = values.next()?;
+    values.all(|v| v == first).then_some(first)
 }
 
 /// The mean of each 2×2 pixels, of a frame padded by repeating its border.

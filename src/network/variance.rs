@@ -24,42 +24,38 @@ pub fn variances(isa: Isa, level: &Level, channels: &Channels) -> Planes {
     let guides = [channels.modulation(), channels.modulation() + 1, channels.modulation() + 2, channels.key()];
     let mut out = level.centre.same_pool(VARIANCES, rows, columns, 0);
     out.rows_mut().enumerate().for_each(|(y, mut to)| {
-        let row = |image: usize, channel: usize, phase: usize| images[image].row(channel * FULL_PHASES + phase, y);
-        let mut counts = vec![[0.0; FULL_PHASES]; columns];
-        for image in 0..images.len() {
-            for phase in 0..FULL_PHASES {
-                let mask = row(image, channels.mask(), phase);
-                counts.iter_mut().zip(mask).for_each(|(count, m)| count[phase] += m);
-            }
-        }
-        let mut sums = [[0.0, 0.0, 0.0]; 2].map(|zero: [f32; 3]| vec![zero; columns]);
+        let own = |channel: usize, phase: usize| level.centre.row(channel * FULL_PHASES + phase, y);
+        // Of each image a channel's pixels and whether they may be used.
+        let each = |channel: usize, phase: usize| {
+            images.iter().map(move |image| [channel, channels.mask()].map(|c| image.row(c * FULL_PHASES + phase, y)))
+        };
+        let counts: [Vec<f32>; FULL_PHASES] = std::array::from_fn(|phase| {
+            let mut count = vec![0.0; columns];
+            each(channels.mask(), phase).for_each(|[_, mask]| count.iter_mut().zip(mask).for_each(|(sum, m)| *sum += m));
+            count
+        });
+        let mut sums = [(); 2].map(|()| vec![[0.0f32; 3]; columns]);
         for (guide, channel) in guides.into_iter().enumerate() {
             let share = if guide < 3 { 1.0 / 3.0 } else { 1.0 };
-            let mut means = vec![[0.0; FULL_PHASES]; columns];
-            let mut between = vec![[0.0; FULL_PHASES]; columns];
-            for image in 0..images.len() {
-                for phase in 0..FULL_PHASES {
-                    let (values, mask) = (row(image, channel, phase), row(image, channels.mask(), phase));
-                    let usable = values.iter().zip(mask);
-                    means.iter_mut().zip(usable).for_each(|(mean, (v, m))| mean[phase] += v * m);
+            let mut between = vec![0.0; columns];
+            let means: [Vec<f32>; FULL_PHASES] = std::array::from_fn(|phase| {
+                let (mut mean, mut squares) = (vec![0.0; columns], vec![0.0; columns]);
+                for [values, mask] in each(channel, phase) {
+                    mean.iter_mut().zip(values.iter().zip(mask)).for_each(|(mean, (v, m))| *mean += v * m);
                 }
-            }
-            for (mean, count) in means.iter_mut().zip(&counts) {
-                (0..FULL_PHASES).for_each(|p| mean[p] /= count[p].max(1.0));
-            }
-            for image in 0..images.len() {
-                for phase in 0..FULL_PHASES {
-                    let (values, mask) = (row(image, channel, phase), row(image, channels.mask(), phase));
-                    let usable = values.iter().zip(mask).zip(&means);
-                    between.iter_mut().zip(usable).for_each(|(sum, ((v, m), mean))| sum[phase] += (v - mean[phase]).powi(2) * m);
+                mean.iter_mut().zip(&counts[phase]).for_each(|(mean, count)| *mean /= count.max(1.0));
+                for [values, mask] in each(channel, phase) {
+                    let off = values.iter().zip(&mean).map(|(v, mean)| (v - mean).powi(2));
+                    squares.iter_mut().zip(off.zip(mask)).for_each(|(sum, (square, m))| *sum += square * m);
                 }
-            }
-            let own: [&[f32]; FULL_PHASES] = std::array::from_fn(|phase| row(0, channel, phase));
+                let variances = squares.iter().zip(&counts[phase]).map(|(sum, count)| sum / count.max(1.0));
+                between.iter_mut().zip(variances).for_each(|(sum, v)| *sum += v);
+                mean
+            });
             for (x, sum) in sums[guide / 3].iter_mut().enumerate() {
-                let over: f32 = (0..FULL_PHASES).map(|p| between[x][p] / counts[x][p].max(1.0)).sum();
-                sum[0] += share * over / FULL_PHASES as f32;
-                sum[1] += share * within(own.map(|phase| phase[x]));
-                sum[2] += share * within(means[x]);
+                sum[0] += share * between[x] / FULL_PHASES as f32;
+                sum[1] += share * within(std::array::from_fn(|phase| own(channel, phase)[x]));
+                sum[2] += share * within(std::array::from_fn(|phase| means[phase][x]));
             }
         }
         for (guide, sums) in sums.iter().enumerate() {
@@ -71,10 +67,9 @@ pub fn variances(isa: Isa, level: &Level, channels: &Channels) -> Planes {
             }
         }
         let share = to.plane(VARIANCES - 1);
-        share
-            .iter_mut()
-            .zip(&counts)
-            .for_each(|(to, count)| *to = 1.0 / (count.iter().sum::<f32>() / FULL_PHASES as f32).max(1.0));
+        for (x, to) in share.iter_mut().enumerate() {
+            *to = 1.0 / (counts.iter().map(|count| count[x]).sum::<f32>() / FULL_PHASES as f32).max(1.0);
+        }
     });
     out
 }

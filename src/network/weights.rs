@@ -59,27 +59,19 @@ pub struct Architecture {
     /// Width of the albedo's kernels in the centre frame, in taps.
     pub albedo_taps: usize,
     /// Levels on which the albedo is filtered, from full resolution down, 1 or 3; 1 in files that do not say.
-    #[serde(default = "one", skip_serializing_if = "is_one")]
+    #[serde(default = "one")]
     pub albedo_levels: usize,
     /// Pyramid levels.
     pub levels: usize,
     /// What is added to the albedo before dividing by it.
     pub albedo_epsilon: f32,
     /// Whether the temporal extractor is told how noisy a pixel is, 0 or 1; 0 in files that do not say.
-    #[serde(default, skip_serializing_if = "is_zero")]
+    #[serde(default)]
     pub variance: usize,
 }
 
 fn one() -> usize {
     1
-}
-
-fn is_one(levels: &usize) -> bool {
-    *levels == 1
-}
-
-fn is_zero(count: &usize) -> bool {
-    *count == 0
 }
 
 impl Architecture {

@@ -7,7 +7,7 @@ use ndarray::{Array3, ArrayView3, s};
 use super::region::{Region, needed};
 use crate::engine::{EncodedFrame, Engine};
 use crate::error::{Error, Result};
-use crate::frame::{Dial, Frame};
+use crate::frame::{Dial, Frame, LambdaMap};
 use crate::rules::pixel_checks::{Glance, PixelChecks};
 use crate::shot::{CancelToken, Scope};
 
@@ -150,8 +150,8 @@ impl PreviewWindow {
             }
         }
         helped.sort_unstable();
-        let map = centre.lambda_mask().zip(masked).map(|(mask, masked)| mask.mix(lambda, masked)).transpose()?;
-        Ok((engine.denoise(centre, &around, map.as_ref().map_or(Dial::Constant(lambda), Dial::Map))?, helped))
+        let map = LambdaMap::of_mask(centre.lambda_mask(), lambda, masked)?;
+        Ok((engine.denoise(centre, &around, Dial::new(lambda, map.as_ref()))?, helped))
     }
 
     /// The region of an image that is cut as the frames are, (rows, columns, channels).

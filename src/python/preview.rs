@@ -125,7 +125,7 @@ fn made(py: Python<'_>, options: &Bound<'_, PyDict>, calls: Calls) -> PyResult<P
     let request = Request {
         frame,
         lambdas: if lambdas.is_empty() { vec![job.lambda().at(frame)] } else { lambdas },
-        lambda_masked: job.lambda_masked().map(|lambda| lambda.at(frame)),
+        lambda_masked: job.lambda_masked(frame),
         windows: if windows.is_empty() { job.settings.window.into_iter().collect() } else { windows },
         region,
         flicker,

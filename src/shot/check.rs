@@ -183,7 +183,7 @@ impl Look<'_> {
         let settings = match self.settings {
             Ok(settings) => FrameSettings {
                 lambda: self.job.lambda().at(number),
-                lambda_masked: self.job.lambda_masked().map(|lambda| lambda.at(number)),
+                lambda_masked: self.job.lambda_masked(number),
                 window: self.window_of(number, entry, settings.window),
                 ..settings.clone()
             },

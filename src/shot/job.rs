@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use super::frame_settings::FrameSettings;
 use crate::engine::{Engine, Identity, Settings};
 use crate::error::{Error, Result};
-use crate::io::Selection;
 use crate::io::sequence::Sequence;
+use crate::io::{LambdaImages, Selection};
 use crate::network::weights::Weights;
 use crate::rules::lambda::Lambda;
 use crate::rules::skip::Skip;
@@ -78,15 +78,15 @@ impl Job {
         self.settings.lambda.clone().unwrap_or_default()
     }
 
-    /// λ of what the mask marks; None without a mask.
-    pub(crate) fn lambda_masked(&self) -> Option<Lambda> {
-        let masked = || self.settings.lambda_masked.clone().unwrap_or_else(Lambda::of_masked);
+    /// λ of what the mask marks in a frame; None without a mask.
+    pub(crate) fn lambda_masked(&self, frame: i64) -> Option<f32> {
+        let masked = || self.settings.lambda_masked.as_ref().map_or_else(|| Lambda::of_masked().at(frame), |said| said.at(frame));
         self.settings.has_lambda_mask().then(masked)
     }
 
     /// The image that is the mask of a frame's λ.
     pub(crate) fn lambda_image(&self, frame: i64) -> Option<PathBuf> {
-        self.selection().lambda_images.map(|images| images.path(frame))
+        self.settings.lambda_images.as_ref().map(|images| LambdaImages::new(images).path(frame))
     }
 
     /// What is odd about λ and its mask.
@@ -135,7 +135,7 @@ impl Job {
         if let Some(asked) = self.settings.window {
             check_window(asked)?;
         }
-        let lambda_masked = self.lambda_masked().map(|lambda| lambda.at(frame));
+        let lambda_masked = self.lambda_masked(frame);
         Ok(FrameSettings { lambda_masked, ..FrameSettings::new(&self.settings, self.lambda().at(frame), window, engine.clone()) })
     }
 }

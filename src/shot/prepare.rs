@@ -282,11 +282,11 @@ fn plan_frames(
     let mut frames = Vec::with_capacity(targets.len());
     let mut foreign: Vec<PathBuf> = Vec::new();
     let mut worse: Vec<(i64, String)> = Vec::new();
-    let (lambda, masked) = (job.lambda(), job.lambda_masked());
+    let lambda = job.lambda();
     for &number in targets {
         let Some(source) = job.sequence.path(number) else { continue };
         let output = output_path(job, source);
-        let (lambda, lambda_masked) = (lambda.at(number), masked.as_ref().map(|masked| masked.at(number)));
+        let (lambda, lambda_masked) = (lambda.at(number), job.lambda_masked(number));
         let lambda_image = job.lambda_image(number);
         let settings = &FrameSettings { lambda, lambda_masked, ..settings.clone() };
         let window = neighbours(number, settings.window, |n| sources.known(n));

@@ -20,6 +20,7 @@ use super::threads::{Decoded, Work, Written, decode, ends_the_run, write};
 use super::window_cache::{Slot, WindowCache};
 use crate::engine::{Denoised, Dial, EncodedFrame, Engine, LambdaMask, Listener};
 use crate::error::{Error, Result};
+use crate::frame::LambdaMap;
 use crate::rules::checks::{Warning, WarningKind};
 use crate::rules::skip::LeftOut;
 use crate::rules::window::{Availability, WindowFrame, neighbours};
@@ -402,9 +403,8 @@ fn denoise_views(
     let view = |(index, centre): (usize, &EncodedFrame)| {
         let neighbours: Vec<(i32, &EncodedFrame)> =
             around.iter().filter_map(|(offset, slot)| Some((*offset, slot.encoded.get(index)?))).collect();
-        let mask = image.or(centre.lambda_mask()).zip(target.lambda_masked);
-        let map = mask.map(|(mask, masked)| mask.mix(target.lambda, masked)).transpose()?;
-        let dial = map.as_ref().map_or(Dial::Constant(target.lambda), Dial::Map);
+        let map = LambdaMap::of_mask(image.or(centre.lambda_mask()), target.lambda, target.lambda_masked)?;
+        let dial = Dial::new(target.lambda, map.as_ref());
         engine.denoise_with(centre, &neighbours, dial, engine.skip(), &|fraction| listener((index as f64 + fraction) / views))
     };
     centre.encoded.iter().enumerate().map(view).collect()

@@ -27,11 +27,23 @@ pub struct Look {
     pub mask: Option<fn(usize, usize) -> f32>,
 }
 
+impl Look {
+    /// What most tests want.
+    pub const PLAIN: Self = Self {
+        columns: 24,
+        rows: 16,
+        seed: None,
+        vector: Some(0.25),
+        noisy_image: false,
+        compression: Compression::ZIP16,
+        layers: &["ViewLayer"],
+        mask: None,
+    };
+}
+
 impl Default for Look {
     fn default() -> Self {
-        let compression = Compression::ZIP16;
-        let layers = &["ViewLayer"];
-        Self { columns: 24, rows: 16, seed: None, vector: Some(0.25), noisy_image: false, compression, layers, mask: None }
+        Self::PLAIN
     }
 }
 
