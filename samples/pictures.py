@@ -1,9 +1,10 @@
-"""Makes the picture of samples/README.md: a crop of one frame, noisy, denoised by Hush, and the reference, side by side.
+"""Makes two pictures of the sample shot, each a crop of one frame, side by side.
 
     pip install numpy OpenEXR pillow
-    python samples/pictures.py denoised
-
-The argument is the folder with Hush's frames; the picture goes to docs/before-after.png.
+    hush denoise samples/shot -o denoised
+    python samples/pictures.py denoised                   # docs/before-after.png: noisy, denoised by Hush, the reference
+    hush denoise samples/shot -o mapped --frames 4 --lambda-images "samples/mask/mask_####.exr" --lambda-masked 64
+    python samples/pictures.py denoised --mapped mapped   # docs/lambda-map.png: noisy, λ 1, λ 64 on Suzanne alone
 """
 
 from __future__ import annotations
@@ -60,15 +61,20 @@ def main() -> None:
     parser.add_argument("--crop", type=int, nargs=4, default=[158, 40, 150, 200], metavar=("X", "Y", "WIDTH", "HEIGHT"))
     parser.add_argument("--zoom", type=int, default=2)
     parser.add_argument("--exposure", type=float, default=0.3, help="stops")
-    parser.add_argument("--output", type=Path, default=HERE.parent / "docs" / "before-after.png")
+    parser.add_argument("--mapped", type=Path, help="folder with Hush's frames under a mask of λ, for the other picture")
+    parser.add_argument("--output", type=Path, help="docs/before-after.png or docs/lambda-map.png")
     chosen = parser.parse_args()
     name = f"frame_{chosen.frame:04d}.exr"
-    folders = [("Cycles, 12 samples", HERE / "shot"), ("Hush", chosen.denoised), ("reference, 200 samples", HERE / "reference")]
+    folders = [("Cycles, 12 samples", HERE / "shot")]
+    if chosen.mapped:
+        folders += [("Hush, lambda 1", chosen.denoised), ("Hush, lambda 64 on Suzanne", chosen.mapped)]
+    else:
+        folders += [("Hush", chosen.denoised), ("reference, 200 samples", HERE / "reference")]
     frames = [(title, combined(folder / name)) for title, folder in folders]
-    chosen.output.parent.mkdir(parents=True, exist_ok=True)
+    output = chosen.output or HERE.parent / "docs" / ("lambda-map.png" if chosen.mapped else "before-after.png")
     sheet = picture(frames, tuple(chosen.crop), chosen.zoom, chosen.exposure)
-    sheet.save(chosen.output, optimize=True)
-    print(f"{chosen.output}: {sheet.width}×{sheet.height}, {chosen.output.stat().st_size // 1024} KB")
+    sheet.save(output, optimize=True)
+    print(f"{output}: {sheet.width}×{sheet.height}, {output.stat().st_size // 1024} KB")
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
     python -m venv bpy-venv && bpy-venv/bin/pip install bpy==5.0.1 OpenEXR==3.5.3     # needs Python 3.11
     bpy-venv/bin/python samples/render_shot.py shot                     # samples/shot/frame_0001.exr …, two minutes
     bpy-venv/bin/python samples/render_shot.py reference                # samples/reference/frame_0001.exr …, 20 minutes of CPU time
+    bpy-venv/bin/python samples/render_shot.py mask --frames 4          # samples/mask/mask_0004.exr: which pixels are Suzanne
 
 Blender keeps Vector, Denoising Normal and Denoising Depth at 32 bit even in half-float files; here they are rounded after
 rendering to steps that carry no noise (see STEPS), still 32 bit, so that ZIP halves the files.
@@ -21,6 +22,7 @@ import OpenEXR
 import still_life
 
 HERE = Path(__file__).resolve().parent
+MASK = "Mask"
 # Steps the 32-bit passes are rounded to: pixels, parts of the unit normal, units of ten centimetres.
 STEPS = {"Vector": 1 / 256, "Denoising Normal": 1 / 1024, "Denoising Depth": 1 / 512}
 
@@ -59,6 +61,18 @@ def reference(scene: bpy.types.Scene, samples: int) -> None:
     layer.use_pass_z = False
 
 
+def mask(scene: bpy.types.Scene, samples: int) -> None:
+    """A shader AOV that is 1 on Suzanne, as an artist makes a mask for λ."""
+    layer = scene.view_layers[0]
+    scene.cycles.samples, scene.cycles.use_adaptive_sampling = samples, False
+    aov = layer.aovs.add()
+    aov.name, aov.type = MASK, "VALUE"
+    for slot in bpy.data.objects["suzanne"].material_slots:
+        node = slot.material.node_tree.nodes.new("ShaderNodeOutputAOV")
+        node.aov_name = MASK
+        node.inputs["Value"].default_value = 1.0
+
+
 def written(scene: bpy.types.Scene, codec: str) -> None:
     """Multilayer EXR as Blender 5 writes it: one part a pass. The media type comes first: it resets the rest."""
     settings = scene.render.image_settings
@@ -87,10 +101,19 @@ def rounded(path: Path) -> None:
     aside.replace(path)
 
 
+def masked(path: Path, target: Path) -> None:
+    """Keeps the mask of a rendered file alone, in halves."""
+    parts = OpenEXR.File(str(path), separate_channels=True).parts
+    (pixels,) = [channel.pixels for part in parts for name, channel in part.channels.items() if f".{MASK}." in f".{name}."]
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File([OpenEXR.Part(header, {"Y": pixels.clip(0, 1).astype(np.float16)}, MASK)]).write(str(target))
+    path.unlink()
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=["shot", "reference"])
-    parser.add_argument("--samples", type=int, help="samples a pixel (12 for the shot, at most 200 for the references)")
+    parser.add_argument("what", choices=["shot", "reference", "mask"])
+    parser.add_argument("--samples", type=int, help="samples a pixel (12 for the shot and the mask, at most 200 for the references)")
     parser.add_argument("--output", type=Path, help="folder (samples/shot or samples/reference)")
     parser.add_argument("--frames", type=int, nargs="*", default=list(range(still_life.FIRST, still_life.LAST + 1)))
     parser.add_argument("--percentage", type=int, default=100, help="of 480×270")
@@ -101,6 +124,8 @@ def main() -> None:
     common(scene, chosen.threads, chosen.percentage)
     if chosen.what == "shot":
         noisy(scene, chosen.samples or 12)
+    elif chosen.what == "mask":
+        mask(scene, chosen.samples or 12)
     else:
         reference(scene, chosen.samples or 200)
     written(scene, chosen.codec)
@@ -114,6 +139,8 @@ def main() -> None:
         bpy.ops.render.render(write_still=True)
         if chosen.what == "shot":
             rounded(path)
+        elif chosen.what == "mask":
+            masked(path, path := folder / f"mask_{frame:04d}.exr")
         print(f"{path.name}: {time.perf_counter() - began:.1f} s, {path.stat().st_size / 1e6:.2f} MB", flush=True)
 
 

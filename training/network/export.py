@@ -25,12 +25,13 @@ def main() -> None:
     p.add_argument("checkpoints", type=Path, nargs="+")
     p.add_argument("--out", type=Path, required=True, help="the weights file")
     p.add_argument("--shots", type=Path, nargs="+", required=True, help="folders of shots; measures on their validation split")
+    p.add_argument("--without", nargs="+", default=[], help="residual blocks to leave out that ablate.py found to be worth nothing: eighth.0")
     p.add_argument("--device", default="cpu", choices=("cpu", "cuda", "mps"))
     p.add_argument("--threads", type=int, default=1)
     a = p.parse_args()
     torch.set_num_threads(a.threads)
     states = [torch.load(path, weights_only=True, map_location="cpu") for path in a.checkpoints]
-    mean = mean_of([Trained.of_checkpoint(state) for state in states])
+    mean = mean_of([Trained.of_checkpoint(state) for state in states]).without(a.without)
     tensors = {k: v.to(torch.float16).contiguous() for k, v in mean.weights.items()}
     rounded = Trained(mean.architecture, {k: v.float() for k, v in tensors.items()})
     held = Resident(torch.device(a.device))

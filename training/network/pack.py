@@ -73,7 +73,7 @@ def write(output: Path, shots: list[Path], weights: Path | None, resume: Path | 
             pack.addfile(about, content)
         for path, name in contents(shots, weights, resume):
             pack.add(path.resolve(), name, recursive=False)
-    (output / "unpack.sh").write_text(UNPACK.replace("tar -xz", "tar -x"))
+    (output / "unpack.sh").write_text(UNPACK.replace("tar -xJ", "tar -x"))
     return len(pieces.sums)
 
 

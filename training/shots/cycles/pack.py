@@ -15,10 +15,10 @@ need not travel with them.
 from __future__ import annotations
 
 import argparse
-import gzip
 import hashlib
 import importlib.util
 import io
+import lzma
 import re
 import subprocess
 import sys
@@ -33,12 +33,14 @@ PACKAGES = ("bpy", "numpy", "numpy.libs", "OpenEXR*", "Imath.py")
 PACKAGES += ("attr", "attrs", "cattr", "cattrs", "typing_extensions.py", "requests", "urllib3", "idna", "certifi", "charset_normalizer")
 # Of bpy and of the interpreter, by the path below them.
 LEFT_OUT = re.compile(
-    r"__pycache__|\.pyc$|/lib/kernel_gfx|/lib/kernel_oneapi|/lib/libOpenImageDenoise_device|/lib/libur_adapter|/hiprt.*\.zst$"
+    r"__pycache__|\.pyc$|/lib/kernel_(gfx|rt_gfx|oneapi)|/lib/libOpenImageDenoise_device|/lib/libur_adapter|/hiprt.*\.zst$"
     r"|^bpy/\d\.\d+/(assets|python)/|^bpy/\d\.\d+/datafiles/(assets|fonts|locale|studiolights|icons)/|/scripts/(templates|presets)"
     r"|^lib/python3\.\d+/(test|idlelib|tkinter|turtledemo|ensurepip|lib2to3|site-packages|config-[^/]*)/"
 )
-# Large, wanted when bpy is loaded and never called here: libraries with the same names and nothing behind them go in their places.
-HOLLOW = re.compile(r"/lib/(libcycles_kernel_oneapi_aot|libOpenImageDenoise_core)\.so")
+# Large, wanted when bpy is loaded and never called here: a library with the same names and nothing behind them goes in its place. (OIDN's
+# core is called: Cycles asks it about every CUDA device.)
+HOLLOW = re.compile(r"/lib/libcycles_kernel_oneapi_aot\.so")
+OTHER_KERNELS = re.compile(r"/lib/kernel_sm_\d+\.cubin")
 # These come with every Linux, and another machine's own are the right ones.
 SYSTEM = re.compile(r"^(linux-vdso|ld-linux|lib(c|m|dl|rt|util|pthread|resolv|nsl|stdc\+\+|gcc_s)\.so)")
 START = """#!/bin/sh
@@ -52,7 +54,7 @@ set -e
 from=$(cd "$(dirname "$0")" && pwd)
 mkdir -p "${1:?usage: unpack.sh FOLDER}"
 (cd "$from" && sha256sum -c --quiet pack.sha256)
-cat "$from"/pack.[0-9][0-9][0-9] | tar -xz -C "$1"
+cat "$from"/pack.[0-9][0-9][0-9] | tar -xJ -C "$1"
 """
 
 
@@ -148,7 +150,8 @@ def contents(bpy: Path, assets: Path | None) -> Iterator[tuple[Path, str]]:
                 yield file, f"packages/{name}"
     binaries = [base / "bin" / version, *site.glob("OpenEXR*.so"), bpy / "__init__.so"]
     for name, path in libraries(binaries).items():
-        yield path, f"libraries/{name}"
+        if not name.startswith("libpython3."):
+            yield path, f"libraries/{name}"
     for folder in ("training", "samples"):
         for path in sorted((ROOT / folder).rglob("*.py")):
             yield path, f"code/{path.relative_to(ROOT)}"
@@ -185,10 +188,12 @@ def main() -> None:
     with (
         tempfile.TemporaryDirectory() as scratch,
         pieces,
-        gzip.GzipFile(fileobj=pieces, mode="wb", compresslevel=6) as squeezed,
+        lzma.open(pieces, "wb", preset=2) as squeezed,
         tarfile.open(fileobj=squeezed, mode="w|") as pack,
     ):
         for path, name in contents(bpy, chosen.assets):
+            if chosen.ptxas and OTHER_KERNELS.search(name):
+                continue
             kept = hollow(path, Path(scratch)) if HOLLOW.search(name) else path.resolve()
             pack.add(kept, name, recursive=False)
         if chosen.ptxas:
