@@ -1,10 +1,10 @@
 """Makes two pictures of the sample shot, each a crop of one frame, side by side.
 
-    pip install numpy OpenEXR pillow
-    hush denoise samples/shot -o denoised
-    python samples/pictures.py denoised                   # docs/before-after.png: noisy, denoised by Hush, the reference
-    hush denoise samples/shot -o mapped --frames 4 --lambda-images "samples/mask/mask_####.exr" --lambda-masked 64
-    python samples/pictures.py denoised --mapped mapped   # docs/lambda-map.png: noisy, λ 1, λ 64 on Suzanne alone
+pip install numpy OpenEXR pillow
+hush denoise samples/shot -o denoised
+python samples/pictures.py denoised                   # docs/before-after.png: noisy, denoised by Hush, the reference
+hush denoise samples/shot -o mapped --frames 4 --lambda-images "samples/mask/mask_####.exr" --lambda-masked 64
+python samples/pictures.py denoised --mapped mapped   # docs/lambda-map.png: noisy, λ 1, λ 64 on Suzanne alone
 """
 
 from __future__ import annotations

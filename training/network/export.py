@@ -25,7 +25,7 @@ def main() -> None:
     p.add_argument("checkpoints", type=Path, nargs="+")
     p.add_argument("--out", type=Path, required=True, help="the weights file")
     p.add_argument("--shots", type=Path, nargs="+", required=True, help="folders of shots; measures on their validation split")
-    p.add_argument("--without", nargs="+", default=[], help="residual blocks to leave out that ablate.py found to be worth nothing: eighth.0")
+    p.add_argument("--without", nargs="+", default=[], help="residual blocks to leave out, that ablate.py found worthless: eighth.0")
     p.add_argument("--device", default="cpu", choices=("cpu", "cuda", "mps"))
     p.add_argument("--threads", type=int, default=1)
     a = p.parse_args()
