@@ -68,6 +68,9 @@ pub struct Architecture {
     /// Whether the temporal extractor is told how noisy a pixel is, 0 or 1; 0 in files that do not say.
     #[serde(default)]
     pub variance: usize,
+    /// Whether a second pass averages the results of the frames around, 0 or 1; 0 in files that do not say.
+    #[serde(default)]
+    pub second_pass: usize,
 }
 
 fn one() -> usize {
@@ -87,6 +90,9 @@ impl Architecture {
         }
         if self.variance > 1 {
             return Err(format!("variance {} must be 0 or 1", self.variance));
+        }
+        if self.second_pass > 1 {
+            return Err(format!("second_pass {} must be 0 or 1", self.second_pass));
         }
         let widths = [self.features, self.half, self.quarter, self.eighth, self.pair];
         if widths.iter().any(|w| *w == 0 || w % 16 != 0 || *w > 256) {
@@ -192,7 +198,7 @@ impl Weights {
     #[cfg(test)]
     pub(crate) fn make_older(&mut self) {
         let inputs = self.architecture.features + self.architecture.half;
-        (self.architecture.albedo_levels, self.architecture.variance) = (1, 0);
+        (self.architecture.albedo_levels, self.architecture.variance, self.architecture.second_pass) = (1, 0, 0);
         let mix = &mut self.tensors.get_mut("mix.weight").expect("every network has it");
         **mix = mix.slice_axis(ndarray::Axis(1), (..inputs).into()).to_owned();
     }
