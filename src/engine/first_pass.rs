@@ -77,6 +77,11 @@ impl FirstPass {
         (self.offsets, self.seen) = (Vec::new(), Vec::new());
     }
 
+    /// Whether its own second pass is done and it only helps those of others.
+    pub fn is_averaged(&self) -> bool {
+        self.seen.is_empty()
+    }
+
     /// Bytes that it holds.
     pub fn bytes(&self) -> usize {
         4 * (self.image.len() + self.seen.len()) + self.vectors.as_ref().map_or(0, |vectors| 16 * vectors.len())

@@ -129,7 +129,7 @@ impl Engine {
             pool: settings.threads.map(pool).transpose()?,
             buffers: BufferPool::default(),
             isa: settings.isa.unwrap_or_else(Isa::detect),
-            identity: Identity::new(weights.id.clone(), weights.renderer.as_deref(), settings.skip),
+            identity: Identity::new(weights.id.clone(), weights.renderer.as_deref(), settings.skip, a.second_pass > 0),
             settings,
             encoder: Encoder::new(weights)?,
             temporal: Temporal::new(weights)?,

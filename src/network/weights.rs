@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 use std::path::Path;
+use std::sync::LazyLock;
 
 use ndarray::{Array1, Array4, ArrayD, Ix1, Ix4};
 use safetensors::{Dtype, SafeTensors};
@@ -111,6 +112,21 @@ impl Architecture {
         }
         Ok(())
     }
+}
+
+/// Whether weights of which only the header is looked at have a second pass; false for what are none.
+pub(crate) fn has_second_pass(bytes: &[u8]) -> bool {
+    let architecture = || -> Option<Architecture> {
+        let (_, metadata) = SafeTensors::read_metadata(bytes).ok()?;
+        serde_json::from_str(metadata.metadata().as_ref()?.get(ARCHITECTURE_KEY)?).ok()
+    };
+    architecture().is_some_and(|a| a.second_pass > 0)
+}
+
+/// Whether the weights that this build carries have a second pass.
+pub(crate) fn embedded_second_pass() -> bool {
+    static EMBEDDED_HAVE: LazyLock<bool> = LazyLock::new(|| has_second_pass(EMBEDDED));
+    *EMBEDDED_HAVE
 }
 
 /// A weights file in memory.
