@@ -102,7 +102,8 @@ impl FirstPass {
         let ones = Array3::ones((rows, columns, 1));
         let parts = [self.image.slice(s![.., .., ..3]), ones.view(), self.image.slice(s![.., .., 3..])];
         // Parts of one size are always joined.
-        concatenate(Axis(2), &parts).map_or(Cow::Borrowed(&self.image), |whole| Cow::Owned(whole.as_standard_layout().into_owned()))
+        concatenate(Axis(2), &parts)
+            .map_or(Cow::Borrowed(&self.image), |whole| Cow::Owned(whole.as_standard_layout().into_owned()))
     }
 
     /// This frame with another image, of these channels.

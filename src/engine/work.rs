@@ -8,6 +8,7 @@ use super::unpack::own_pixels;
 use super::{EncodedFrame, Engine, FirstPass, LeftOut, Skip};
 use crate::frame::Dial;
 use crate::kernels::Channels;
+use crate::network::levels::SEEN;
 use crate::network::warp::EXTRAS;
 use crate::tiles::active::{RangePath, active_blocks};
 use crate::tiles::cover::cover;
@@ -40,6 +41,13 @@ impl FrameWork<'_> {
     /// Bytes that the frames of the window hold.
     pub fn window_bytes(&self) -> usize {
         self.paths.iter().map(|p| p.neighbour().bytes()).sum::<usize>() + self.centre.bytes()
+    }
+
+    /// About what the frames hold that a second pass keeps: their results, what it takes of their neighbours, and vectors beyond the window.
+    fn kept_bytes(&self) -> usize {
+        let (pixels, count) = (self.centre.packed.padded_rows * self.centre.packed.padded_columns, self.paths.len());
+        let ahead = count.div_ceil(2);
+        pixels * ((count + 1) * 4 * self.channels.values + (ahead + 1) * count * SEEN + ahead * 16)
     }
 
     /// What was left out, once it is known which neighbours had anything to give.
@@ -116,7 +124,8 @@ impl Engine {
     pub(super) fn tiles(&self, work: &FrameWork) -> (Vec<Tile>, usize) {
         let packed = &work.centre.packed;
         let (half_rows, half_columns) = (packed.padded_rows / 2, packed.padded_columns / 2);
-        let left = |allowed: u64| allowed.saturating_sub(work.window_bytes() as u64).min(TILE_MEMORY.1);
+        let held = work.window_bytes() + if self.predictor.second_pass && work.second { work.kept_bytes() } else { 0 };
+        let left = |allowed: u64| allowed.saturating_sub(held as u64).min(TILE_MEMORY.1);
         let tile = self.settings.memory.map_or(left(MEMORY).max(TILE_MEMORY.0), left) as usize;
         let area = tile / self.bytes_per_pixel(&work.channels, work.paths.len());
         (work.parts.iter().flat_map(|p| tiles(*p, half_rows, half_columns, self.halo(), area)).collect(), tile)

@@ -84,7 +84,13 @@ fn average_band_body<S: Simd>(s: S, own: Own, near: &[Near], first: usize, out: 
         totals: vec![1.0; 2 * (end - first) * columns],
     };
     let Some(image) = own.image.as_slice() else { return };
-    halves(&image[2 * there.0 * columns * values..2 * there.1 * columns * values], columns, values, own.exposure, &mut scratch.own);
+    halves(
+        &image[2 * there.0 * columns * values..2 * there.1 * columns * values],
+        columns,
+        values,
+        own.exposure,
+        &mut scratch.own,
+    );
     let mut weights = vec![0.0; half_columns.next_multiple_of(LANES)];
     let mut lines = [(); 2].map(|()| weights.clone());
     let mut any = false;
@@ -102,13 +108,17 @@ fn average_band_body<S: Simd>(s: S, own: Own, near: &[Near], first: usize, out: 
         }
         differ(&mut scratch, (columns, values), own.exposure);
         for y in first..end {
-            lines.iter_mut().zip(row(y).chunks_exact(half_columns)).for_each(|(to, from)| to[..half_columns].copy_from_slice(from));
+            lines
+                .iter_mut()
+                .zip(row(y).chunks_exact(half_columns))
+                .for_each(|(to, from)| to[..half_columns].copy_from_slice(from));
             around(&scratch, y, half_rows, &mut weights[..half_columns]);
             weigh(s, &lines, &mut weights);
             for dy in 0..2 {
                 let at = 2 * (y - first) + dy;
                 let warped = &scratch.warped[(2 * (y - there.0) + dy) * columns * values..][..columns * values];
-                let sums = (&mut out[at * columns * values..][..columns * values], &mut scratch.totals[at * columns..][..columns]);
+                let sums =
+                    (&mut out[at * columns * values..][..columns * values], &mut scratch.totals[at * columns..][..columns]);
                 let by = (&weights[..half_columns], usable(y), dy);
                 match values {
                     3 => add(warped, by, 3, sums),
@@ -158,7 +168,10 @@ fn warp_rows(near: &Near, values: usize, scratch: &mut Scratch) {
             let upper = &image[corners.index * values..][..2 * values];
             let lower = &image[(corners.index + columns) * values..][..2 * values];
             for c in 0..values {
-                out[c] = weights[0] * upper[c] + weights[1] * upper[values + c] + weights[2] * lower[c] + weights[3] * lower[values + c];
+                out[c] = weights[0] * upper[c]
+                    + weights[1] * upper[values + c]
+                    + weights[2] * lower[c]
+                    + weights[3] * lower[values + c];
             }
         }
     }

@@ -280,7 +280,8 @@ impl State {
             let offset = |i: usize, of: usize| i as i32 - of as i32;
             let centre = &self.slots[self.passed];
             let Some(own) = &centre.encoded else { break };
-            let near = self.slots.iter().enumerate().filter_map(|(i, slot)| Some((offset(i, self.passed), slot.encoded.as_ref()?)));
+            let near =
+                self.slots.iter().enumerate().filter_map(|(i, slot)| Some((offset(i, self.passed), slot.encoded.as_ref()?)));
             let around: Vec<_> = near.filter(|(o, _)| *o != 0 && o.unsigned_abs() as usize <= window).collect();
             let (first, _) = engine.first_pass(own, &around, centre.lam.dial(), SILENT)?;
             self.slots[self.passed].first = Some(first);

@@ -191,8 +191,7 @@ impl Look<'_> {
         };
         let window = neighbours(number, settings.context(), |n| self.sources.known(n));
         let image = self.job.lambda_image(number);
-        let wanted =
-            Wanted { job: self.job, settings: &settings, window: &window, lambda_image: image.as_deref() };
+        let wanted = Wanted { job: self.job, settings: &settings, window: &window, lambda_image: image.as_deref() };
         why_stale(entry, output, &wanted, self.manifest, self.files)
     }
 

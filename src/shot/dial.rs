@@ -19,11 +19,7 @@ pub(super) struct FrameDial {
 impl FrameDial {
     /// That of a frame, whether it is to be written or not.
     pub fn of(job: &Job, frame: i64) -> Self {
-        Self {
-            lambda: job.lambda().at(frame),
-            lambda_masked: job.lambda_masked(frame),
-            lambda_image: job.lambda_image(frame),
-        }
+        Self { lambda: job.lambda().at(frame), lambda_masked: job.lambda_masked(frame), lambda_image: job.lambda_image(frame) }
     }
 }
 

@@ -118,7 +118,8 @@ impl<'de> Deserialize<'de> for FrameSettings {
             Value::Object(flags) => flags.into_iter().filter(|(_, on)| *on == Value::Bool(true)).map(|(name, _)| name).collect(),
             list => list,
         };
-        let Written { lambda, lambda_masked, window, model, renderer, skip, second_pass, others: written } = Written::deserialize(from)?;
+        let Written { lambda, lambda_masked, window, model, renderer, skip, second_pass, others: written } =
+            Written::deserialize(from)?;
         let mut rules = skip.map_or_else(|| json!(crate::rules::skip::RULES), flags);
         if let Some(rules) = rules.as_array_mut() {
             // A rule without a bound is gone; whatever it made is another frame now.

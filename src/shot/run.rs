@@ -110,7 +110,21 @@ impl<'a> Run<'a> {
         let summary = Summary { frames: plan.frames.len(), missing: missing_text(plan), ..Summary::default() };
         let (bad, failed, notes, mask_noted) = (BTreeMap::new(), BTreeMap::new(), BTreeMap::new(), false);
         let manifest = Manifest::default();
-        Self { job, plan, report, cache, ledger, manifest, summary, bad, failed, notes, finished: 0, mask_noted, saved: Instant::now() }
+        Self {
+            job,
+            plan,
+            report,
+            cache,
+            ledger,
+            manifest,
+            summary,
+            bad,
+            failed,
+            notes,
+            finished: 0,
+            mask_noted,
+            saved: Instant::now(),
+        }
     }
 
     /// Says what the plan says, and settles the frames that need no work.

@@ -180,7 +180,8 @@ impl Shot {
         let window = then.window;
         let same = self.job.frame_settings(window, number, &self.engine).is_ok_and(|now| now == *then);
         let image = self.job.lambda_image(number).and_then(|path| Stamp::of(&path));
-        let same_dials = entry.neighbours.iter().all(|n| n.dial.as_ref().is_none_or(|dial| dial.is_untouched(&self.job, n.frame)));
+        let same_dials =
+            entry.neighbours.iter().all(|n| n.dial.as_ref().is_none_or(|dial| dial.is_untouched(&self.job, n.frame)));
         if !same || image != entry.lambda_image.map(|state| state.stamp) || !same_dials || entry.status == Status::Planned {
             return None;
         }
