@@ -13,8 +13,8 @@ from safetensors.torch import save_file
 from training.data.shots import Shot
 from training.example_shots import moving_shot
 from training.network import train_second_pass
-from training.network.model import Architecture, Hush
-from training.network.second_pass import difference, second_pass, weights
+from training.network.model import Architecture, Hush, code_of
+from training.network.second_pass import dialled, difference, second_pass, weights
 from training.network.train_second_pass import Example, examples, scores, train
 from training.network.weights_file import WeightsFile, begin_from
 
@@ -63,6 +63,14 @@ def test_what_is_unlike_counts_less_and_brightness_does_not_matter() -> None:
     assert (by[0] == 1).all() and (by[0] > by[1]).all() and (by[1] > by[2]).all()
 
 
+def test_lambda_moves_the_logits_by_pixel() -> None:
+    outputs = torch.tensor([1.0, 2.0, 10.0, 20.0]).view(1, 1, 4, 1, 1).expand(1, 1, 4, 2, 2)
+    lam = torch.ones(1, 1, 4, 4)
+    lam[..., 2:] = 64
+    assert dialled(outputs, code_of(lam, 2))[0, 0, :, 0].tolist() == [[1.0, 11.0], [2.0, 22.0]]
+    assert dialled(outputs, code_of(torch.tensor([8.0]), 2))[0, 0, :, 1, 1].tolist() == [6.0, 12.0]
+
+
 def test_an_untrained_second_pass_hardly_changes_anything() -> None:
     of = examples(network(), shot(), 1.0)
     for example in of:
@@ -78,7 +86,8 @@ def test_every_frame_takes_the_first_passes_of_the_shots_frames_around_it() -> N
     assert middle.hidden.shape[1:] == (16, 16, 20)
     # What the network says of itself.
     out = net.denoise(*inputs(net), torch.tensor([4.0]))
-    assert torch.allclose(net.pair_second_head(middle.hidden.float()), out["second"][0], atol=1e-3)
+    said = dialled(net.pair_second_head(middle.hidden.float())[None], code_of(torch.tensor([4.0]), 20))
+    assert torch.allclose(said, out["second"], atol=1e-3)
 
 
 def inputs(net: Hush) -> tuple[torch.Tensor, dict[str, torch.Tensor]]:

@@ -14,6 +14,7 @@ use crate::layers::Activation;
 use crate::network::gathered::Gathered;
 use crate::network::levels::{Level, Levels, Margins, Pyramid, pyramid_of};
 use crate::network::pairs::Neighbour;
+use crate::network::specialisation::Codes;
 use crate::network::variance::variances;
 use crate::network::warp::{Warped, centre_planes, warp};
 use crate::tiles::Tile;
@@ -83,7 +84,7 @@ impl Engine {
             gathered: &gathered,
             tile,
             widths: self.widths,
-            second: self.predictor.second_pass && work.second,
+            second: (self.predictor.second_pass && work.second).then(|| Codes::half(dial, region)),
         };
         let coarse = self.clock.time(Stage::Coarse, || levels.coarse());
         steps.reached(Mark::COARSE);

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use super::gathered::Gathered;
 use super::pairs::{Neighbour, Pairs};
 use super::predictor::{Head, Predictor, SECOND};
+use super::specialisation::Codes;
 use crate::kernels::planes::Planes;
 use crate::kernels::weigh::{TapWeights, Taps, apply, offsets};
 use crate::kernels::{Channels, FULL_PHASES, pyramid};
@@ -61,8 +62,8 @@ pub struct Levels<'a> {
     pub tile: Tile,
     /// Kernel widths: centre, neighbour, coarse, albedo.
     pub widths: [usize; 4],
-    /// Whether the second pass is to follow.
-    pub second: bool,
+    /// λ of the region at half resolution, where the second pass is to follow.
+    pub second: Option<Codes<'a>>,
 }
 
 /// Index distances to the taps of each image of a level, for each output phase.
@@ -141,7 +142,7 @@ impl Levels<'_> {
         let albedo = self.reach(level, FULL_PHASES, albedo, 1, half.filter(|_| self.filters_albedo(1)).map(|h| (h, 1)));
         let mut out = Array3::zeros((2 * core.rows, 2 * core.columns, values));
         let width = 2 * core.columns * values;
-        let seen_width = if self.second { self.neighbours.len() * SEEN * core.columns } else { 0 };
+        let seen_width = if self.second.is_some() { self.neighbours.len() * SEEN * core.columns } else { 0 };
         let mut seen = vec![0.0; core.rows * seen_width];
         if let Some(out) = out.as_slice_mut() {
             let row = |(i, rows, seen): (usize, &mut [f32], &mut [f32])| {
@@ -289,20 +290,32 @@ fn full_row_body<S: Simd>(
             line.iter_mut().zip(modulation).for_each(|(v, m)| *v *= m);
         }
         interleave(&line, values, x - first, core.columns, out);
+        let Some(codes) = levels.second else { continue };
+        let code: [f32; SEGMENT] = std::array::from_fn(|p| codes.at(y, (x + p).min(region.columns - 1)));
         for (n, seen) in seen.chunks_exact_mut(SEEN * core.columns).enumerate() {
             let second = &logits.pairs[n][head.pair_starts.second * SEGMENT..];
-            put_seen(second, &level.neighbours[n], channels.mask(), (y, x, x - first), seen);
+            put_seen(second, &code, &level.neighbours[n], channels.mask(), (y, x, x - first), seen);
         }
     }
 }
 
 /// Writes a segment's two logits of the second pass, and which of the 2×2 pixels may be used, to a row of [[`SEEN`]][columns].
 #[inline(always)]
-fn put_seen(logits: &[f32], image: &Planes, mask: usize, (y, x, to): (usize, usize, usize), seen: &mut [f32]) {
+fn put_seen(
+    logits: &[f32],
+    code: &[f32; SEGMENT],
+    image: &Planes,
+    mask: usize,
+    (y, x, to): (usize, usize, usize),
+    seen: &mut [f32],
+) {
     let columns = seen.len() / SEEN;
     let count = SEGMENT.min(columns - to);
     for (logit, seen) in seen.chunks_exact_mut(columns).take(SECOND).enumerate() {
-        seen[to..to + count].copy_from_slice(&logits[logit * SEGMENT..][..count]);
+        let (plain, moved) = (&logits[logit * SEGMENT..], &logits[(SECOND + logit) * SEGMENT..]);
+        for (p, seen) in seen[to..to + count].iter_mut().enumerate() {
+            *seen = plain[p] + code[p] * moved[p];
+        }
     }
     let bits = &mut seen[SECOND * columns + to..][..count];
     for phase in 0..FULL_PHASES {

@@ -19,7 +19,7 @@ use crate::simd::Simd;
 /// Queries of a kernel over one image: what to multiply a tap's key by, and its square (`QUERIES` in `training/network/model.py`).
 const QUERIES: usize = 2;
 
-/// Logits of the second pass for each neighbour.
+/// Logits of the second pass for each neighbour; the head gives those at λ 1, and how they move with λ's code.
 pub const SECOND: usize = 2;
 
 /// How many taps each kernel has.
@@ -52,7 +52,7 @@ pub struct Starts {
     pub albedo: usize,
     /// Queries: two for each phase.
     pub queries: usize,
-    /// The two logits of the second pass, where there is one.
+    /// What the logits of the second pass are made from, where there is one.
     pub second: usize,
 }
 
@@ -150,7 +150,7 @@ impl Predictor {
             coarse.push(head("eighth", a.eighth, of_eighth, none())?);
         }
         let second_pass = a.second_pass > 0;
-        let full = head("half", a.half, of_full, whole("pair_second_head", a.second_pass * SECOND))?;
+        let full = head("half", a.half, of_full, whole("pair_second_head", a.second_pass * 2 * SECOND))?;
         Ok(Self { full, coarse, taps, albedo_levels: a.albedo_levels, second_pass })
     }
 }

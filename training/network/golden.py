@@ -117,17 +117,23 @@ def case(
     }  # fmt: skip
 
 
-def second_case(net: Hush, rows: int, columns: int, window: int, lam: float, generator: torch.Generator) -> dict[str, Tensor]:
+def second_case(
+    net: Hush, rows: int, columns: int, window: int, lam: float, generator: torch.Generator, mapped: bool = False
+) -> dict[str, Tensor]:
     """Frames of which each is denoised with those of the window that there are, and the second pass of the middle one."""
     shot, valid = random_shot(2 * window + 1, rows, columns, generator)
+    chosen, whole = {}, torch.tensor([lam])
+    if mapped:
+        chosen["lambda_map"] = torch.exp2(torch.rand(rows, columns, generator=generator) * 6)
+        whole = padded(chosen["lambda_map"][None], *valid.shape[-2:])[None]
     # What is alike from frame to frame is what the second pass averages.
-    shot.colour = 0.8 * shot.colour[:1] + 0.2 * shot.colour
+    shot.colour = (0.8 * shot.colour[:1] + 0.2 * shot.colour) * padded(valid[..., :rows, :columns], *valid.shape[-2:])
     shot.vector = 0.25 * shot.vector
     of, results, trusted, logits = frames(shot, valid=valid), [], valid, torch.zeros(0)
     for frame in range(len(shot)):
         offsets = shot.window(frame, window)
         batch = {name: value[None] for name, value in view(shot, of, frame, offsets).items()}
-        result = net.denoise(net.encode(of_frames(of.inputs, [frame, *(frame + k for k in offsets)])[None]), batch, torch.tensor([lam]))
+        result = net.denoise(net.encode(of_frames(of.inputs, [frame, *(frame + k for k in offsets)])[None]), batch, whole)
         results.append(result["image"])
         if frame == shot.centre:
             trusted, logits = batch["valid"][:, 1:], result["second"]
@@ -135,7 +141,7 @@ def second_case(net: Hush, rows: int, columns: int, window: int, lam: float, gen
     positions = torch.cat([path(shot, shot.centre, k)[0].nan_to_num(0.0)[None] for k in offsets])
     near = warped(torch.cat([results[shot.centre + k] for k in offsets]), positions)
     image = second_pass(results[shot.centre], near[None], trusted, logits, of.exposure[shot.centre][None])
-    return passes_of(shot, rows, columns, valid) | {
+    return passes_of(shot, rows, columns, valid) | chosen | {
         "lambda": torch.tensor([lam]), "window": torch.tensor([window]),
         "first_image": results[shot.centre][0, :, :rows, :columns], "image": image[0, :, :rows, :columns],
     }  # fmt: skip
@@ -154,8 +160,8 @@ def main() -> None:
     plain = case(older(net), 16, 40, (-1, 1), 4.0, generator)
     mapped = case(net, 21, 37, (-1, 1), 1.0, generator, mapped=True)
     second = {
-        f"second{window}": second_case(net, *size, window, lam, generator)
-        for window, size, lam in ((2, (19, 45), 2.0), (1, (24, 32), 16.0))
+        "second": second_case(net, 19, 45, 2, 16.0, generator),
+        "second_map": second_case(net, 24, 32, 1, 1.0, generator, mapped=True),
     }
     for name, found in ({"older": plain, "lambda_map": mapped} | second).items():
         cases |= {f"{name}.{k}": v.float().contiguous() for k, v in found.items()}

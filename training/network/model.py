@@ -15,6 +15,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from training.data.geometry import BRIGHTEST, EXTRAS, warped
+from training.network.second_pass import dialled
 
 LOGIT_LIMIT = 40.0
 QUERIES = 2
@@ -88,6 +89,12 @@ class Encoder(nn.Module):
         return self.blocks(self.second(F.relu(self.first(x))))
 
 
+def code_of(lam: Tensor, columns: int) -> Tensor:
+    """log2 λ / 6, (B, 1, 1, 1), of λ (B,); of a map (B, 1, H, W) its means at the resolution that has so many columns."""
+    code = torch.log2(lam.view(-1, 1, 1, 1) if lam.dim() == 1 else lam) / 6.0
+    return F.avg_pool2d(code, code.shape[-1] // columns) if code.shape[-1] > 1 else code
+
+
 class Specialisation(nn.Module):
     """Loss specialisation: λ scales and shifts the features that feed the kernel predictors.
 
@@ -104,10 +111,7 @@ class Specialisation(nn.Module):
             nn.init.zeros_(layer.bias)
 
     def forward(self, x: Tensor, lam: Tensor) -> Tensor:
-        code = torch.log2(lam.view(-1, 1, 1, 1) if lam.dim() == 1 else lam) / 6.0
-        if code.shape[-1] > 1:
-            code = F.avg_pool2d(code, code.shape[-1] // x.shape[-1])
-        h = F.relu(self.hidden(code.movedim(1, -1)))
+        h = F.relu(self.hidden(code_of(lam, x.shape[-1]).movedim(1, -1)))
         return x * (1.0 + self.scale(h)).movedim(-1, 1) + self.shift(h).movedim(-1, 1)
 
 
@@ -258,7 +262,7 @@ class Hush(nn.Module):
             self.head_albedo_quarter = silent(a.quarter, albedo)
             self.pair_albedo_quarter_head = silent(a.pair, 1)
         if a.second_pass:
-            self.pair_second_head = silent(a.pair, 2)
+            self.pair_second_head = silent(a.pair, 4)
             nn.init.constant_(self.pair_second_head.bias[:1], UNSEEN)
 
     def trunk(self, centre: Tensor, pairs: Tensor | None, noise: Tensor | None, lam: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -395,5 +399,5 @@ class Hush(nn.Module):
         if out_eighth:
             result["eighth"] = out_eighth[0]
         if a.second_pass and half_hidden is not None:
-            result["second"] = over_neighbours(self.pair_second_head, half_hidden)
+            result["second"] = dialled(over_neighbours(self.pair_second_head, half_hidden), code_of(lam, half.shape[-1]))
         return result

@@ -14,6 +14,11 @@ EPSILON = 0.01  # light, after exposure, below which differences do not count
 LOG_WEIGHTS = (-20.0, 6.0)
 
 
+def dialled(outputs: Tensor, code: Tensor) -> Tensor:
+    """The logits (B, N, 2, h, w) of what the head gives, (B, N, 4, h, w): those at λ 1, and how they move with λ's code (B, 1, h, w)."""
+    return outputs[:, :, :2] + code[:, None] * outputs[:, :, 2:]
+
+
 def difference(own: Tensor, near: Tensor, exposure: Tensor) -> Tensor:
     """How unlike two results are, (B, N, 1, h, w) in 0…1, at half resolution: the mean over 3×3 pixels.
 

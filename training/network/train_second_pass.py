@@ -2,7 +2,7 @@
 
     python -m training.network.train_second_pass --weights models/hush.safetensors --shots runs/shots --out second.safetensors --fused
 
-Each shot's frames are denoised once by λ and kept; a head of 66 numbers a step costs next to nothing.
+Each shot's frames are denoised once by λ and kept; a head of 132 numbers a step costs next to nothing.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from training.data.lambda_maps import LAMBDA_MAX, ORDINARY
 from training.data.shots import Shot, is_held, read_shot, shot_paths
 from training.network import fused
 from training.network.loss import asymmetric, by_pixel, fireflies, flicker, rel_mse, smape
-from training.network.model import Hush
+from training.network.model import Hush, code_of
 from training.network.objective import SHARES
-from training.network.second_pass import difference, weights
+from training.network.second_pass import dialled, difference, weights
 from training.network.weights_file import WeightsFile, begin_from
 
 WINDOW = 2
-RATE = 5e-3
+RATE = 1e-2
 
 
 @dataclass
@@ -54,7 +54,7 @@ class Example:
 
     def averaged(self, head: nn.Module) -> tuple[Tensor, Tensor]:
         """The second pass, (1, 3, H, W), and the neighbours' weights."""
-        logits = head(self.hidden.float())[None]
+        logits = dialled(head(self.hidden.float())[None], code_of(self.lam, self.hidden.shape[-1]))
         by = weights(logits, self.unlike) * self.trusted
         return (self.own + (by * self.near).sum(1)) / (1.0 + by.sum(1)), by
 
