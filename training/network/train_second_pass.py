@@ -17,6 +17,7 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
+from training.data.batches import Recipe
 from training.data.geometry import warped
 from training.data.inputs import frames, of_frames, path, view
 from training.data.lambda_maps import LAMBDA_MAX, ORDINARY
@@ -30,6 +31,7 @@ from training.network.weights_file import WeightsFile, begin_from
 
 WINDOW = 2
 RATE = 1e-2
+PAIRED = Recipe().paired
 
 
 @dataclass
@@ -106,13 +108,16 @@ def loss(head: nn.Module, of: Sequence[Example]) -> Tensor:
 
 
 def train(head: nn.Module, ordinary: list[list[Example]], others: list[list[Example]], steps: int, generator: torch.Generator) -> None:
-    """Steps of one shot each, λ as `lambda_maps.constants` draws it."""
+    """Steps of one shot each, λ as `lambda_maps.constants` draws it, pairs as `batches.Recipe` does."""
     optimiser = torch.optim.AdamW(head.parameters(), lr=RATE, betas=(0.9, 0.99))
     for step in range(steps):
         for group in optimiser.param_groups:
             group["lr"] = RATE * max(0.02, 0.5 * (1.0 + math.cos(math.pi * step / steps)))
         draw = lambda count: int(torch.randint(count, (), generator=generator))
-        pool = ordinary if float(torch.rand((), generator=generator)) < ORDINARY else others
+        share = lambda: float(torch.rand((), generator=generator))
+        pool = ordinary if share() < ORDINARY else others
+        if share() < PAIRED:
+            pool = [of for of in pool if len(of) > 1] or pool
         value = loss(head, pool[draw(len(pool))])
         optimiser.zero_grad()
         value.backward()
