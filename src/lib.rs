@@ -61,7 +61,7 @@ mod tiles;
 pub mod watch;
 mod words;
 
-pub use engine::{Denoised, EncodedFrame, Engine, Settings};
+pub use engine::{Denoised, EncodedFrame, Engine, FirstPass, Settings};
 pub use error::{Error, Result};
 pub use frame::{Aov, Dial, Frame, FrameView, LambdaMap, LambdaMask};
 

@@ -81,6 +81,33 @@ fn image_of_features(features: &Features) -> Array3<f32> {
 }
 
 #[test]
+fn the_second_pass_agrees_with_pytorch_on_every_isa() {
+    for isa in Isa::available() {
+        let engine = engine(isa, false);
+        for name in ["second", "second_map"] {
+            let case = Case::read(name);
+            let window = case.0["window"][0] as i32;
+            let what = |stage: &str| format!("{name} {stage} on {isa:?}");
+            let frames: Vec<EncodedFrame> = (0..=2 * window as usize).map(|i| engine.encode(case.frame(i)).unwrap()).collect();
+            let map =
+                case.0.contains_key("lambda_map").then(|| LambdaMap::new(case.get::<Ix2>("lambda_map").view(), 1.0).unwrap());
+            let dial = Dial::new(case.0["lambda"][0], map.as_ref());
+            let first = |centre: i32| {
+                let near = (0..=2 * window).filter(|n| *n != centre && (n - centre).abs() <= window);
+                let near: Vec<(i32, &EncodedFrame)> = near.map(|n| (n - centre, &frames[n as usize])).collect();
+                engine.first_pass(&frames[centre as usize], &near, dial, SILENT).unwrap().0
+            };
+            let firsts: Vec<FirstPass> = (0..=2 * window).map(first).collect();
+            let centre = &firsts[window as usize];
+            compare(&what("first pass"), centre.image.view(), case.get("first_image"));
+            let near = firsts.iter().enumerate().map(|(n, f)| (n as i32 - window, f));
+            let near: Vec<(i32, &FirstPass)> = near.filter(|n| n.0 != 0).collect();
+            compare(&what("image"), engine.second_pass(centre, &near).colour.view(), case.get("image"));
+        }
+    }
+}
+
+#[test]
 fn every_stage_agrees_with_pytorch_on_every_isa() {
     for isa in Isa::available() {
         let [plain, deep] = [true, false].map(|older| engine(isa, older));

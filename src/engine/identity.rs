@@ -4,9 +4,10 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 pub use crate::network::model_id::ModelId;
 use crate::network::renderers::DEFAULT_RENDERER;
+use crate::network::weights::{embedded_second_pass, has_second_pass};
 use crate::rules::skip::{RULES, Rule, Skip};
 
 /// What an engine is made of.
@@ -19,6 +20,9 @@ pub struct Identity {
     pub renderer: Option<String>,
     /// The rules by which work is left out.
     pub skip: Vec<Rule>,
+    /// Whether a second pass over time follows the first.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub second_pass: bool,
 }
 
 impl Identity {
@@ -27,12 +31,19 @@ impl Identity {
     /// # Errors
     /// [`Error::Io`](crate::Error::Io) where the weights cannot be read.
     pub fn of(model: Option<&Path>, renderer: Option<&str>, skip: Skip) -> Result<Self> {
-        Ok(Self::new(model.map_or_else(|| Ok(ModelId::embedded()), ModelId::of_file)?, renderer, skip))
+        let Some(path) = model else { return Ok(Self::new(ModelId::embedded(), renderer, skip, embedded_second_pass())) };
+        let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+        Ok(Self::new(ModelId::of_bytes(path, &bytes), renderer, skip, has_second_pass(&bytes)))
     }
 
-    pub(super) fn new(model: ModelId, renderer: Option<&str>, skip: Skip) -> Self {
+    pub(super) fn new(model: ModelId, renderer: Option<&str>, skip: Skip, second_pass: bool) -> Self {
         let renderer = renderer.map(str::to_ascii_lowercase).filter(|name| name != DEFAULT_RENDERER);
-        Self { model, renderer, skip: RULES.into_iter().filter(|rule| skip.has(*rule)).collect() }
+        Self { model, renderer, skip: RULES.into_iter().filter(|rule| skip.has(*rule)).collect(), second_pass }
+    }
+
+    /// Frames on each side that a frame depends on, with a window of so many: after a second pass on those of its neighbours too.
+    pub fn context(&self, window: usize) -> usize {
+        window * (1 + usize::from(self.second_pass))
     }
 }
 

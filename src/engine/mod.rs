@@ -2,6 +2,7 @@
 
 use clock::Clock;
 pub use clock::{STAGES, Stage};
+pub use first_pass::FirstPass;
 pub use identity::{Identity, ModelId};
 use paths::Path;
 pub use settings::Settings;
@@ -128,7 +129,7 @@ impl Engine {
             pool: settings.threads.map(pool).transpose()?,
             buffers: BufferPool::default(),
             isa: settings.isa.unwrap_or_else(Isa::detect),
-            identity: Identity::new(weights.id.clone(), weights.renderer.as_deref(), settings.skip),
+            identity: Identity::new(weights.id.clone(), weights.renderer.as_deref(), settings.skip, a.second_pass > 0),
             settings,
             encoder: Encoder::new(weights)?,
             temporal: Temporal::new(weights)?,
@@ -181,7 +182,8 @@ impl Engine {
         }
     }
 
-    /// Denoises `centre`.
+    /// Denoises `centre` in one pass; with weights that have a [second one](Self::has_second_pass) the results of the frames around
+    /// can then be averaged: [`first_pass`](Self::first_pass) and [`second_pass`](Self::second_pass).
     ///
     /// `neighbours` are (offset, frame) with offset −3…3 except 0, in any order; a neighbour farther than one frame needs those
     /// between, to chain motion vectors through, and is left out without them, as is one of another size or with other AOVs.
@@ -216,14 +218,39 @@ impl Engine {
         skip: Skip,
         listener: Listener<'_>,
     ) -> Result<(Denoised, LeftOut)> {
-        let dial = checked(lambda.into(), centre)?;
+        let dial = self.checked(lambda.into(), centre, neighbours)?;
+        Ok(self.in_pool(|| {
+            let (first, left_out) = self.run(&self.work(centre, neighbours, skip), dial, listener);
+            (self.clock.time(Stage::Unpack, || first.denoised()), left_out)
+        }))
+    }
+
+    /// As [`denoise_with`](Self::denoise_with), with what the settings leave out, to be kept for the [second
+    /// pass](Self::second_pass) of this frame and those around it.
+    ///
+    /// # Errors
+    /// As [`denoise`](Self::denoise).
+    pub fn first_pass<'d>(
+        &self,
+        centre: &EncodedFrame,
+        neighbours: &[(i32, &EncodedFrame)],
+        lambda: impl Into<Dial<'d>>,
+        listener: Listener<'_>,
+    ) -> Result<(FirstPass, LeftOut)> {
+        let dial = self.checked(lambda.into(), centre, neighbours)?;
+        Ok(self.in_pool(|| self.run(&self.work(centre, neighbours, self.settings.skip).then_second(), dial, listener)))
+    }
+
+    /// The dial in its range, for frames that this engine encoded.
+    fn checked<'d>(&self, dial: Dial<'d>, centre: &EncodedFrame, neighbours: &[(i32, &EncodedFrame)]) -> Result<Dial<'d>> {
+        let dial = checked(dial, centre)?;
         if neighbours.iter().map(|n| n.1).chain([centre]).any(|f| f.features.shape().2 != self.features) {
             return Err(Error::BadInput {
                 input: "frame".into(),
                 reason: "was only looked at, or encoded for another network: encode it".into(),
             });
         }
-        Ok(self.in_pool(|| self.run(&self.work(centre, neighbours, skip), dial, listener)))
+        Ok(dial)
     }
 
     /// What `skip` leaves out of `centre`; arguments as for [`denoise`](Self::denoise), and frames that were only
@@ -282,6 +309,7 @@ fn checked<'d>(dial: Dial<'d>, centre: &EncodedFrame) -> Result<Dial<'d>> {
 
 mod clock;
 mod encode;
+mod first_pass;
 #[cfg(test)]
 mod golden_tests;
 mod identity;
@@ -289,6 +317,7 @@ mod identity;
 mod memory_tests;
 mod paths;
 pub(crate) mod probe;
+mod second_pass;
 mod settings;
 mod steps;
 mod tile;

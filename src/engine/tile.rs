@@ -14,6 +14,7 @@ use crate::layers::Activation;
 use crate::network::gathered::Gathered;
 use crate::network::levels::{Level, Levels, Margins, Pyramid, pyramid_of};
 use crate::network::pairs::Neighbour;
+use crate::network::specialisation::Codes;
 use crate::network::variance::variances;
 use crate::network::warp::{Warped, centre_planes, warp};
 use crate::tiles::Tile;
@@ -29,6 +30,8 @@ pub(super) struct Stages {
     pub coarse: Vec<Planes>,
     /// The core, (rows, columns, values).
     pub image: Array3<f32>,
+    /// What the second pass takes of the neighbours that had any pixel to give, as [`Levels::full`] says.
+    pub seen: Vec<f32>,
     /// For each neighbour whether it had any pixel to give.
     pub used: Vec<bool>,
 }
@@ -81,17 +84,18 @@ impl Engine {
             gathered: &gathered,
             tile,
             widths: self.widths,
+            second: (self.predictor.second_pass && work.second).then(|| Codes::half(dial, region)),
         };
         let coarse = self.clock.time(Stage::Coarse, || levels.coarse());
         steps.reached(Mark::COARSE);
-        let image = self.clock.time(Stage::Full, || levels.full(coarse.last()));
+        let (image, seen) = self.clock.time(Stage::Full, || levels.full(coarse.last()));
         steps.reached(Mark::FULL);
-        Stages { features, gathered, pyramid, coarse, image, used }
+        Stages { features, gathered, pyramid, coarse, image, seen, used }
     }
 
     #[cfg(test)]
     pub(super) fn stages(&self, centre: &super::EncodedFrame, neighbours: &[(i32, &super::EncodedFrame)], dial: Dial) -> Stages {
-        let work = self.work(centre, neighbours, self.settings.skip);
+        let work = self.work(centre, neighbours, self.settings.skip).then_second();
         let whole = crate::tiles::Rect {
             row: 0,
             column: 0,

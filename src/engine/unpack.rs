@@ -8,22 +8,21 @@ use crate::frame::Aov;
 use crate::frame::packed::{MODULATION, PackedFrame};
 use crate::kernels::Channels;
 
-/// Cuts the padding off and tells the channels apart.
-pub(super) fn unpack(image: Array3<f32>, packed: &PackedFrame, channels: &Channels) -> Denoised {
-    let size = (packed.rows, packed.columns);
-    let ones = (packed.has_alpha && !channels.alpha).then(|| Array2::ones(size));
-    if image.dim() == (packed.rows, packed.columns, 3) {
+/// Cuts the padding off and tells the channels apart; `alpha`: whether the frame has one, and whether it is among the values.
+pub(super) fn unpack(image: Array3<f32>, size: (usize, usize), alpha: (bool, bool), aov_names: &[String]) -> Denoised {
+    let ones = (alpha.0 && !alpha.1).then(|| Array2::ones(size));
+    if image.dim() == (size.0, size.1, 3) {
         return Denoised { colour: image, alpha: ones, aovs: Vec::new() };
     }
-    let image = image.slice(s![..packed.rows, ..packed.columns, ..]);
-    let alpha = channels.alpha.then(|| image.slice(s![.., .., 3]).mapv(|a| a.clamp(0.0, 1.0))).or(ones);
-    let first = 3 + usize::from(channels.alpha);
+    let image = image.slice(s![..size.0, ..size.1, ..]);
+    let found = alpha.1.then(|| image.slice(s![.., .., 3]).mapv(|a| a.clamp(0.0, 1.0))).or(ones);
+    let first = 3 + usize::from(alpha.1);
     let aov = |(i, name): (usize, &String)| Aov {
         name: name.clone(),
         image: image.slice(s![.., .., first + 3 * i..first + 3 * i + 3]).to_owned(),
     };
-    let aovs = packed.aov_names.iter().enumerate().map(aov).collect();
-    Denoised { colour: image.slice(s![.., .., ..3]).to_owned(), alpha, aovs }
+    let aovs = aov_names.iter().enumerate().map(aov).collect();
+    Denoised { colour: image.slice(s![.., .., ..3]).to_owned(), alpha: found, aovs }
 }
 
 /// The frame's own pixels in the layout of the result, (rows, columns, values), padding included.

@@ -4,10 +4,11 @@ use ndarray::{Array3, s};
 
 use super::paths::{Path, paths};
 use super::steps::{Listener, Steps};
-use super::unpack::{own_pixels, unpack};
-use super::{Denoised, EncodedFrame, Engine, LeftOut, Skip, Stage};
+use super::unpack::own_pixels;
+use super::{EncodedFrame, Engine, FirstPass, LeftOut, Skip};
 use crate::frame::Dial;
 use crate::kernels::Channels;
+use crate::network::levels::SEEN;
 use crate::network::warp::EXTRAS;
 use crate::tiles::active::{RangePath, active_blocks};
 use crate::tiles::cover::cover;
@@ -26,13 +27,27 @@ pub(super) struct FrameWork<'a> {
     /// In half-resolution pixels; the rest keeps its own pixels.
     parts: Vec<Rect>,
     pub skip: Skip,
+    /// Whether the second pass is to follow, where the weights have one.
+    pub second: bool,
     left_out: LeftOut,
 }
 
 impl FrameWork<'_> {
+    /// With a second pass to follow.
+    pub fn then_second(self) -> Self {
+        Self { second: true, ..self }
+    }
+
     /// Bytes that the frames of the window hold.
     pub fn window_bytes(&self) -> usize {
         self.paths.iter().map(|p| p.neighbour().bytes()).sum::<usize>() + self.centre.bytes()
+    }
+
+    /// About what the frames hold that a second pass keeps: their results, what it takes of their neighbours, and vectors beyond the window.
+    fn kept_bytes(&self) -> usize {
+        let (pixels, count) = (self.centre.packed.padded_rows * self.centre.packed.padded_columns, self.paths.len());
+        let ahead = count.div_ceil(2);
+        pixels * ((count + 1) * 4 * self.channels.values + (ahead + 1) * count * SEEN + ahead * 16)
     }
 
     /// What was left out, once it is known which neighbours had anything to give.
@@ -66,23 +81,30 @@ impl Engine {
             left_out.constant = 1.0 - (kept as f64 / whole.area() as f64).min(1.0);
         }
         left_out.still = if skip.still { paths.iter().filter(|p| p.is_still()).count() } else { 0 };
-        FrameWork { centre, paths, channels, parts, skip, left_out }
+        FrameWork { centre, paths, channels, parts, skip, second: false, left_out }
     }
 
-    pub(super) fn run(&self, work: &FrameWork, dial: Dial, listener: Listener<'_>) -> (Denoised, LeftOut) {
+    pub(super) fn run(&self, work: &FrameWork, dial: Dial, listener: Listener<'_>) -> (FirstPass, LeftOut) {
         let FrameWork { centre, paths, channels, .. } = work;
         let packed = &centre.packed;
         let (half_rows, half_columns) = (packed.padded_rows / 2, packed.padded_columns / 2);
         let (tiles, tile) = self.tiles(work);
         // Tiles of several sizes leave buffers behind that fit nothing; a single one is the same size frame after frame.
         self.buffers.keep_at_most(if tiles.len() == 1 { TILE_MEMORY.1 as usize } else { tile / 4 });
+        let offsets: Vec<i32> = paths.iter().map(|path| path.offset).collect();
+        let made = |image| {
+            let made = FirstPass::new(image, centre, *channels);
+            if self.predictor.second_pass && work.second { made.kept(centre, offsets.clone()) } else { made }
+        };
         let covered = tiles.iter().map(|t| t.core.area()).sum::<usize>() == half_rows * half_columns;
         if let ([whole], true) = (&tiles[..], covered) {
             let stages = self.tile(work, *whole, dial, Steps::whole(listener));
-            return (self.clock.time(Stage::Unpack, || unpack(stages.image, packed, channels)), work.left_out(&stages.used));
+            let mut first = made(stages.image);
+            first.see(whole.core, &stages.used, &stages.seen);
+            return (first, work.left_out(&stages.used));
         }
         let size = (packed.padded_rows, packed.padded_columns, channels.values);
-        let mut out = if covered { Array3::zeros(size) } else { own_pixels(packed, channels) };
+        let mut first = made(if covered { Array3::zeros(size) } else { own_pixels(packed, channels) });
         let mut used = vec![tiles.is_empty(); paths.len()];
         let (all, mut done) = (tiles.iter().map(|t| t.region.area()).sum::<usize>() as f64, 0.0);
         for tile in tiles {
@@ -90,18 +112,20 @@ impl Engine {
             let stages = self.tile(work, tile, dial, steps);
             done += steps.share;
             let c = tile.core;
-            out.slice_mut(s![2 * c.row..2 * (c.row + c.rows), 2 * c.column..2 * (c.column + c.columns), ..])
-                .assign(&stages.image);
+            let part = s![2 * c.row..2 * (c.row + c.rows), 2 * c.column..2 * (c.column + c.columns), ..];
+            first.image.slice_mut(part).assign(&stages.image);
+            first.see(c, &stages.used, &stages.seen);
             used.iter_mut().zip(stages.used).for_each(|(all, one)| *all |= one);
         }
-        (self.clock.time(Stage::Unpack, || unpack(out, packed, channels)), work.left_out(&used))
+        (first, work.left_out(&used))
     }
 
     /// The tiles of what is to be computed, and what one may take in bytes.
     pub(super) fn tiles(&self, work: &FrameWork) -> (Vec<Tile>, usize) {
         let packed = &work.centre.packed;
         let (half_rows, half_columns) = (packed.padded_rows / 2, packed.padded_columns / 2);
-        let left = |allowed: u64| allowed.saturating_sub(work.window_bytes() as u64).min(TILE_MEMORY.1);
+        let held = work.window_bytes() + if self.predictor.second_pass && work.second { work.kept_bytes() } else { 0 };
+        let left = |allowed: u64| allowed.saturating_sub(held as u64).min(TILE_MEMORY.1);
         let tile = self.settings.memory.map_or(left(MEMORY).max(TILE_MEMORY.0), left) as usize;
         let area = tile / self.bytes_per_pixel(&work.channels, work.paths.len());
         (work.parts.iter().flat_map(|p| tiles(*p, half_rows, half_columns, self.halo(), area)).collect(), tile)

@@ -2,6 +2,8 @@
 //!
 //! A warp then reads one cache-line half per corner, whatever it samples.
 
+use std::sync::Arc;
+
 use ndarray::{ArrayView2, ArrayView3};
 use rayon::prelude::*;
 
@@ -43,8 +45,8 @@ pub struct PackedFrame {
     pub has_alpha: bool,
     /// Names of the AOVs, three extra channels each.
     pub aov_names: Vec<String>,
-    /// Vector pass X, Y, Z, W.
-    pub vectors: Option<Pixels<4>>,
+    /// Vector pass X, Y, Z, W; the second pass keeps it longer than the frame.
+    pub vectors: Option<Arc<Pixels<4>>>,
     /// Which pixels have another λ.
     pub lambda_mask: Option<LambdaMask>,
 }
@@ -120,7 +122,7 @@ impl PackedFrame {
                 }
             });
         }
-        let vectors = frame.vector.as_ref().map(|v| pack_vectors(*v, padded_rows, padded_columns, pool));
+        let vectors = frame.vector.as_ref().map(|v| Arc::new(pack_vectors(*v, padded_rows, padded_columns, pool)));
         let exposure = scales.exposure;
         let aov_names = frame.aovs.iter().map(|(name, _)| name.to_string()).collect();
         let lambda_mask = frame.lambda_mask.map(LambdaMask::new);

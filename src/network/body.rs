@@ -1,6 +1,6 @@
 //! The body: residual blocks at half, quarter and eighth resolution and back, then loss specialisation.
 
-use ndarray::{Array2, ArrayView2, s};
+use ndarray::{Array2, ArrayView2};
 
 use super::residual::Residual;
 use super::specialisation::{Codes, Specialised};
@@ -84,11 +84,9 @@ enum RegionLambda<'a> {
 
 impl<'a> RegionLambda<'a> {
     fn new(dial: Dial<'a>, region: Rect) -> Self {
-        match dial {
-            Dial::Constant(lambda) => Self::Constant(lambda),
-            Dial::Map(map) => {
-                let rows = region.row..region.row + region.rows;
-                let half = map.codes().slice_move(s![rows, region.column..region.column + region.columns]);
+        match Codes::half(dial, region) {
+            Codes::Constant(lambda) => Self::Constant(lambda),
+            Codes::Pixels(half) => {
                 let at = |y: usize, x: usize| half[[y, x]];
                 let mean = |(y, x)| {
                     ((at(2 * y, 2 * x) + at(2 * y, 2 * x + 1)) + (at(2 * y + 1, 2 * x) + at(2 * y + 1, 2 * x + 1))) * 0.25

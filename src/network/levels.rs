@@ -5,7 +5,8 @@ use rayon::prelude::*;
 
 use super::gathered::Gathered;
 use super::pairs::{Neighbour, Pairs};
-use super::predictor::{Head, Predictor};
+use super::predictor::{Head, Predictor, SECOND};
+use super::specialisation::Codes;
 use crate::kernels::planes::Planes;
 use crate::kernels::weigh::{TapWeights, Taps, apply, offsets};
 use crate::kernels::{Channels, FULL_PHASES, pyramid};
@@ -43,6 +44,9 @@ impl Margins {
     }
 }
 
+/// What the second pass takes of a neighbour at a half-resolution pixel: two logits, and which of the 2×2 pixels may be used, as bits.
+pub const SEEN: usize = SECOND + 1;
+
 /// Everything that the levels of one tile read.
 pub struct Levels<'a> {
     pub isa: Isa,
@@ -58,6 +62,8 @@ pub struct Levels<'a> {
     pub tile: Tile,
     /// Kernel widths: centre, neighbour, coarse, albedo.
     pub widths: [usize; 4],
+    /// λ of the region at half resolution, where the second pass is to follow.
+    pub second: Option<Codes<'a>>,
 }
 
 /// Index distances to the taps of each image of a level, for each output phase.
@@ -125,8 +131,9 @@ impl Levels<'_> {
         out
     }
 
-    /// The tile's core at full resolution, taking in the half resolution where there is one.
-    pub fn full(&self, half: Option<&Planes>) -> Array3<f32> {
+    /// The tile's core at full resolution, taking in the half resolution where there is one; and what the second pass takes of the
+    /// neighbours there, [half-resolution row][neighbour][[`SEEN`]][column], where it is to follow.
+    pub fn full(&self, half: Option<&Planes>) -> (Array3<f32>, Vec<f32>) {
         let Tile { core, region } = self.tile;
         let values = self.channels.values;
         let level = &self.pyramid.full;
@@ -135,12 +142,20 @@ impl Levels<'_> {
         let albedo = self.reach(level, FULL_PHASES, albedo, 1, half.filter(|_| self.filters_albedo(1)).map(|h| (h, 1)));
         let mut out = Array3::zeros((2 * core.rows, 2 * core.columns, values));
         let width = 2 * core.columns * values;
+        let seen_width = if self.second.is_some() { self.neighbours.len() * SEEN * core.columns } else { 0 };
+        let mut seen = vec![0.0; core.rows * seen_width];
         if let Some(out) = out.as_slice_mut() {
-            out.par_chunks_mut(2 * width).enumerate().for_each(|(i, rows)| {
-                full_row(self.isa, self, half, &reach, &albedo, i + core.row - region.row, rows);
-            });
+            let row = |(i, rows, seen): (usize, &mut [f32], &mut [f32])| {
+                full_row(self.isa, self, half, &reach, &albedo, i + core.row - region.row, rows, seen);
+            };
+            let rows = out.par_chunks_mut(2 * width).enumerate();
+            if seen_width == 0 {
+                rows.for_each(|(i, rows)| row((i, rows, &mut [])));
+            } else {
+                rows.zip(seen.par_chunks_mut(seen_width)).for_each(|((i, rows), seen)| row((i, rows, seen)));
+            }
         }
-        out
+        (out, seen)
     }
 }
 
@@ -222,6 +237,7 @@ dispatch! {
 
 /// Two full-resolution rows of the core, (2, columns, values); `y` counts half-resolution rows of the region.
 #[inline(always)]
+#[allow(clippy::too_many_arguments)]
 fn full_row_body<S: Simd>(
     s: S,
     levels: &Levels,
@@ -230,6 +246,7 @@ fn full_row_body<S: Simd>(
     albedo: &Reach,
     y: usize,
     out: &mut [f32],
+    seen: &mut [f32],
 ) {
     let Tile { core, region } = levels.tile;
     let (level, channels, counts) = (&levels.pyramid.full, levels.channels, levels.predictor.taps);
@@ -273,6 +290,37 @@ fn full_row_body<S: Simd>(
             line.iter_mut().zip(modulation).for_each(|(v, m)| *v *= m);
         }
         interleave(&line, values, x - first, core.columns, out);
+        let Some(codes) = levels.second else { continue };
+        let code: [f32; SEGMENT] = std::array::from_fn(|p| codes.at(y, (x + p).min(region.columns - 1)));
+        for (n, seen) in seen.chunks_exact_mut(SEEN * core.columns).enumerate() {
+            let second = &logits.pairs[n][head.pair_starts.second * SEGMENT..];
+            put_seen(second, &code, &level.neighbours[n], channels.mask(), (y, x, x - first), seen);
+        }
+    }
+}
+
+/// Writes a segment's two logits of the second pass, and which of the 2×2 pixels may be used, to a row of [[`SEEN`]][columns].
+#[inline(always)]
+fn put_seen(
+    logits: &[f32],
+    code: &[f32; SEGMENT],
+    image: &Planes,
+    mask: usize,
+    (y, x, to): (usize, usize, usize),
+    seen: &mut [f32],
+) {
+    let columns = seen.len() / SEEN;
+    let count = SEGMENT.min(columns - to);
+    for (logit, seen) in seen.chunks_exact_mut(columns).take(SECOND).enumerate() {
+        let (plain, moved) = (&logits[logit * SEGMENT..], &logits[(SECOND + logit) * SEGMENT..]);
+        for (p, seen) in seen[to..to + count].iter_mut().enumerate() {
+            *seen = plain[p] + code[p] * moved[p];
+        }
+    }
+    let bits = &mut seen[SECOND * columns + to..][..count];
+    for phase in 0..FULL_PHASES {
+        let trusted = &image.row(mask * FULL_PHASES + phase, y)[x..][..count];
+        bits.iter_mut().zip(trusted).for_each(|(bits, trusted)| *bits += trusted * (1 << phase) as f32);
     }
 }
 
@@ -302,7 +350,15 @@ fn interleave(line: &[f32], values: usize, x: usize, columns: usize, out: &mut [
 }
 
 dispatch! {
-    fn full_row(levels: &Levels<'_>, half: Option<&Planes>, reach: &Reach, albedo: &Reach, y: usize, out: &mut [f32]) = full_row_body
+    fn full_row(
+        levels: &Levels<'_>,
+        half: Option<&Planes>,
+        reach: &Reach,
+        albedo: &Reach,
+        y: usize,
+        out: &mut [f32],
+        seen: &mut [f32],
+    ) = full_row_body
 }
 
 /// The images of a region at the `levels` finest levels. `exposure` is the centre frame's.

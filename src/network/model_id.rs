@@ -5,8 +5,6 @@ use std::sync::LazyLock;
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, Result};
-
 /// The weights file that this build carries.
 pub const EMBEDDED: &[u8] = include_bytes!("../../models/hush.safetensors");
 
@@ -24,14 +22,6 @@ impl ModelId {
     pub fn embedded() -> Self {
         static HASH: LazyLock<String> = LazyLock::new(|| fnv(EMBEDDED));
         Self { name: "embedded".into(), hash: Some(HASH.clone()) }
-    }
-
-    /// A weights file.
-    ///
-    /// # Errors
-    /// [`Error::Io`].
-    pub fn of_file(path: &Path) -> Result<Self> {
-        Ok(Self::of_bytes(path, &std::fs::read(path).map_err(|e| Error::io(path, e))?))
     }
 
     /// A weights file that was read.

@@ -19,6 +19,9 @@ use crate::simd::Simd;
 /// Queries of a kernel over one image: what to multiply a tap's key by, and its square (`QUERIES` in `training/network/model.py`).
 const QUERIES: usize = 2;
 
+/// Logits of the second pass for each neighbour; the head gives those at λ 1, and how they move with λ's code.
+pub const SECOND: usize = 2;
+
 /// How many taps each kernel has.
 #[derive(Clone, Copy, Debug)]
 pub struct TapCounts {
@@ -49,6 +52,8 @@ pub struct Starts {
     pub albedo: usize,
     /// Queries: two for each phase.
     pub queries: usize,
+    /// What the logits of the second pass are made from, where there is one.
+    pub second: usize,
 }
 
 /// Buffers of one thread, reused from segment to segment.
@@ -66,7 +71,7 @@ pub struct Logits {
 /// The predictors of the pyramid's levels.
 pub struct Predictor {
     /// Full resolution: for each of four sub-pixels centre, coarse and albedo taps; per neighbour its taps and its albedo tap. Queries
-    /// follow the taps of all sub-pixels, and before them the albedo's coarse taps where it has any.
+    /// follow the taps of all sub-pixels, and before them the albedo's coarse taps where it has any; the second pass's logits come last.
     pub full: Head,
     /// Half resolution and coarser: centre and coarse taps, the coarsest without these; per neighbour its taps. The albedo's taps follow
     /// on the levels that filter it.
@@ -74,6 +79,8 @@ pub struct Predictor {
     pub taps: TapCounts,
     /// Levels on which the albedo has kernels.
     pub albedo_levels: usize,
+    /// Whether the neighbours have logits of a second pass.
+    pub second_pass: bool,
 }
 
 impl Predictor {
@@ -89,17 +96,20 @@ impl Predictor {
         };
         let (full, half) = (4 * (taps.centre + taps.coarse + taps.albedo), taps.centre + taps.coarse);
         let (pair_full, pair_half) = (4 * (taps.neighbour + 1), taps.neighbour);
-        let head = |at: &str, width: usize, [taps, albedo, queries]: [(Rows, Rows); 3]| -> Result<Head> {
-            let starts = |taps: &Rows, albedo: &Rows| Starts { albedo: taps.len(), queries: taps.len() + albedo.len() };
+        let head = |at: &str, width: usize, [taps, albedo, queries]: [(Rows, Rows); 3], second: Rows| -> Result<Head> {
+            let starts = |taps: &Rows, albedo: &Rows, queries: &Rows| {
+                let (albedo, queries) = (taps.len(), [albedo.len(), queries.len()]);
+                Starts { albedo, queries: albedo + queries[0], second: albedo + queries[0] + queries[1] }
+            };
             Ok(Head {
                 width,
                 features: a.features,
-                starts: starts(&taps.0, &albedo.0),
-                pair_starts: starts(&taps.1, &albedo.1),
+                starts: starts(&taps.0, &albedo.0, &queries.0),
+                pair_starts: starts(&taps.1, &albedo.1, &queries.1),
                 centre: joined(weights, &[taps.0, albedo.0, queries.0], width)?,
                 pair_centre: dense(weights, &format!("pair_{at}_centre"), a.pair, width, true)?,
                 pair_neighbour: dense(weights, &format!("pair_{at}_neighbour"), a.pair, a.features + EXTRAS, false)?,
-                pair: joined(weights, &[taps.1, albedo.1, queries.1], a.pair)?,
+                pair: joined(weights, &[taps.1, albedo.1, queries.1, second], a.pair)?,
             })
         };
         // One layer predicts the taps of full and half resolution, another their queries, a third the albedo's on the pyramid.
@@ -129,16 +139,19 @@ impl Predictor {
             (whole("head_albedo_quarter", deep * taps.albedo), whole("pair_albedo_quarter_head", deep)),
             (whole("query_quarter", QUERIES), whole("pair_quarter_query", QUERIES)),
         ];
-        let mut coarse = vec![head("half", a.half, of_half)?, head("quarter", a.quarter, of_quarter)?];
+        let none = || whole("", 0);
+        let mut coarse = vec![head("half", a.half, of_half, none())?, head("quarter", a.quarter, of_quarter, none())?];
         if a.levels > 3 {
             let of_eighth = [
                 (whole("head_eighth", coarsest(4)), whole("pair_eighth_head", taps.neighbour)),
-                (whole("", 0), whole("", 0)),
+                (none(), none()),
                 (whole("query_eighth", QUERIES), whole("pair_eighth_query", QUERIES)),
             ];
-            coarse.push(head("eighth", a.eighth, of_eighth)?);
+            coarse.push(head("eighth", a.eighth, of_eighth, none())?);
         }
-        Ok(Self { full: head("half", a.half, of_full)?, coarse, taps, albedo_levels: a.albedo_levels })
+        let second_pass = a.second_pass > 0;
+        let full = head("half", a.half, of_full, whole("pair_second_head", a.second_pass * 2 * SECOND))?;
+        Ok(Self { full, coarse, taps, albedo_levels: a.albedo_levels, second_pass })
     }
 }
 

@@ -1,13 +1,15 @@
 //! Loss specialisation: λ scales and shifts features (Vogels et al. 2018, section 6, with λ an input of the network).
 
-use ndarray::{Array1, Array2, Array4, ArrayView2, Axis};
+use ndarray::{Array1, Array2, Array4, ArrayView2, Axis, s};
 use rayon::prelude::*;
 
 use super::weights::Weights;
 use crate::error::Result;
+use crate::frame::Dial;
 use crate::frame::lambda_map::code;
 use crate::layers::{Activation, Conv, Epilogue, Source};
 use crate::simd::{Isa, LANES, Simd, dispatch};
+use crate::tiles::Rect;
 
 /// A 1×1 layer whose output λ scales and shifts; both fold into the layer's weights.
 pub struct Specialised {
@@ -82,6 +84,28 @@ pub enum Codes<'a> {
     Constant(f32),
     /// log₂ λ over log₂ 64 of each pixel of the output.
     Pixels(ArrayView2<'a, f32>),
+}
+
+impl<'a> Codes<'a> {
+    /// Of a region at half resolution.
+    pub fn half(dial: Dial<'a>, region: Rect) -> Self {
+        match dial {
+            Dial::Constant(lambda) => Self::Constant(lambda),
+            Dial::Map(map) => {
+                let rows = region.row..region.row + region.rows;
+                Self::Pixels(map.codes().slice_move(s![rows, region.column..region.column + region.columns]))
+            }
+        }
+    }
+
+    /// log₂ λ over log₂ 64 at a pixel.
+    #[inline(always)]
+    pub fn at(&self, y: usize, x: usize) -> f32 {
+        match self {
+            Self::Constant(lambda) => code(*lambda),
+            Self::Pixels(codes) => codes[[y, x]],
+        }
+    }
 }
 
 /// Scale and shift of each channel, straight lines over the code from knot to knot.

@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::motion::{AGREEMENT_LIMIT, Motion, Place};
 use crate::frame::packed::{DEPTH, INVALID, MODULATION, PackedFrame};
 use crate::kernels::keys;
 use crate::kernels::planes::Planes;
@@ -12,9 +13,6 @@ use crate::simd::Isa;
 use crate::simd::math::ln_1p_each;
 use crate::simd::{Simd, dispatch};
 use crate::tiles::Rect;
-
-/// A way back that misses its start by this many pixels is as bad as any.
-const AGREEMENT_LIMIT: f32 = 4.0;
 
 /// Maps that tell the network how far to trust a neighbour: trust, albedo 3, depth, agreement of vectors, distance in time.
 pub const EXTRAS: usize = 7;
@@ -31,62 +29,21 @@ pub struct Warped {
     pub trusted: bool,
 }
 
-/// Where a pixel of the centre frame lies in a neighbour.
-#[derive(Clone, Copy)]
-struct Place {
-    column: f32,
-    row: f32,
-    trusted: bool,
-    miss: f32,
-}
-
-impl Place {
-    /// Where nothing moves.
-    #[inline(always)]
-    fn of(y: usize, x: usize) -> Self {
-        Self { column: x as f32, row: y as f32, trusted: true, miss: 0.0 }
-    }
-}
-
-/// Frames from the centre to the neighbour, one step of motion each; `sign` is the direction in time.
+/// Frames from the centre to the neighbour, one step of motion each.
 struct Path<'a> {
     frames: &'a [&'a PackedFrame],
-    sign: f32,
-    rows: usize,
+    motion: Motion<'a>,
     columns: usize,
+    rows: usize,
     still: bool,
     groups: usize,
 }
 
-impl Path<'_> {
-    /// One step from a position by the vectors of frame `k`, towards the neighbour (`out`) or home.
-    #[inline(always)]
-    fn advance(&self, k: usize, out: bool, column: f32, row: f32) -> (f32, f32) {
-        let Some(vectors) = &self.frames[k].vectors else { return (column, row) };
-        let x = ((column + 0.5).floor().max(0.0) as usize).min(self.columns - 1);
-        let y = ((row + 0.5).floor().max(0.0) as usize).min(self.rows - 1);
-        let [vx, vy, vz, vw] = vectors[y * self.columns + x];
-        let later = (self.sign > 0.0) == out;
-        if later { (column - vz, row + vw) } else { (column + vx, row - vy) }
-    }
-
-    #[inline(always)]
-    fn place(&self, y: usize, x: usize) -> Place {
-        let (mut column, mut row, mut trusted) = (x as f32, y as f32, true);
-        let steps = self.frames.len() - 1;
-        for k in 0..steps {
-            (column, row) = self.advance(k, true, column, row);
-            let across = column >= -0.5 && column <= self.columns as f32 - 0.5;
-            trusted &= across && row >= -0.5 && row <= self.rows as f32 - 0.5;
-        }
-        let (mut home_column, mut home_row) = (column, row);
-        for k in (1..=steps).rev() {
-            (home_column, home_row) = self.advance(k, false, home_column, home_row);
-        }
-        let (dx, dy) = ((home_column - x as f32).abs(), (home_row - y as f32).abs());
-        let miss = if dx.is_nan() || dy.is_nan() { AGREEMENT_LIMIT } else { dx.max(dy).min(AGREEMENT_LIMIT) };
-        let safe = |v: f32| if v.is_nan() { 0.0 } else { v };
-        Place { column: safe(column), row: safe(row), trusted, miss }
+impl<'a> Path<'a> {
+    fn new(frames: &'a [&'a PackedFrame], (offset, still): (i32, bool), groups: usize) -> Self {
+        let (rows, columns) = (frames[0].padded_rows, frames[0].padded_columns);
+        let vectors = frames.iter().map(|frame| frame.vectors.as_deref()).collect();
+        Self { frames, motion: Motion { vectors, later: offset > 0, rows, columns }, columns, rows, still, groups }
     }
 }
 
@@ -141,8 +98,8 @@ pub fn warp(
     margin: usize,
     pool: &BufferPool,
 ) -> (Planes, Warped) {
-    let (rows, columns, groups) = (frames[0].padded_rows, frames[0].padded_columns, channels.groups());
-    let path = Path { frames, sign: if offset > 0 { 1.0 } else { -1.0 }, rows, columns, still, groups };
+    let groups = channels.groups();
+    let path = Path::new(frames, (offset, still), groups);
     let mut planes = Planes::new(channels.full() * FULL_PHASES, region.rows, region.columns, margin, pool);
     let mut corners = vec![Corners { index: 0, fraction: [0.0; 2] }; region.area()];
     let mut extras = Activation::in_pool(pool);
@@ -186,13 +143,13 @@ pub fn warp(
 /// Whether any pixel of the centre frame may use the last of `frames`; arguments as for [`warp`].
 pub fn any_trusted(frames: &[&PackedFrame], (offset, still): (i32, bool)) -> bool {
     let (rows, columns) = (frames[0].padded_rows, frames[0].padded_columns);
-    let path = Path { frames, sign: if offset > 0 { 1.0 } else { -1.0 }, rows, columns, still, groups: 1 };
+    let path = Path::new(frames, (offset, still), 1);
     let pixels = &frames[frames.len() - 1].groups[0];
     let is_trusted = |y: usize, x: usize| {
         if still {
             return pixels[y * columns + x][INVALID] == 0.0;
         }
-        let (place, mut sampled) = (path.place(y, x), [0.0; 8]);
+        let (place, mut sampled) = (path.motion.place(y, x), [0.0; 8]);
         Corners::new(place.column, place.row, rows, columns).sample(pixels, columns, &mut sampled);
         place.trusted && sampled[INVALID] == 0.0
     };
@@ -216,7 +173,7 @@ fn warp_row_body<S: Simd>(
     let mut depths = vec![0.0; 2 * width];
     for (i, map) in maps.iter_mut().enumerate() {
         let x = 2 * region.column + i;
-        let place = if path.still { Place::of(y, x) } else { path.place(y, x) };
+        let place = if path.still { Place::of(y, x) } else { path.motion.place(y, x) };
         let corners = Corners::new(place.column, place.row, path.rows, path.columns);
         let sampled = &mut pixels[i];
         if path.still {

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 use std::path::Path;
+use std::sync::LazyLock;
 
 use ndarray::{Array1, Array4, ArrayD, Ix1, Ix4};
 use safetensors::{Dtype, SafeTensors};
@@ -68,6 +69,9 @@ pub struct Architecture {
     /// Whether the temporal extractor is told how noisy a pixel is, 0 or 1; 0 in files that do not say.
     #[serde(default)]
     pub variance: usize,
+    /// Whether a second pass averages the results of the frames around, 0 or 1; 0 in files that do not say.
+    #[serde(default)]
+    pub second_pass: usize,
 }
 
 fn one() -> usize {
@@ -88,6 +92,9 @@ impl Architecture {
         if self.variance > 1 {
             return Err(format!("variance {} must be 0 or 1", self.variance));
         }
+        if self.second_pass > 1 {
+            return Err(format!("second_pass {} must be 0 or 1", self.second_pass));
+        }
         let widths = [self.features, self.half, self.quarter, self.eighth, self.pair];
         if widths.iter().any(|w| *w == 0 || w % 16 != 0 || *w > 256) {
             return Err(format!("channel widths {widths:?} must be multiples of 16 up to 256"));
@@ -105,6 +112,21 @@ impl Architecture {
         }
         Ok(())
     }
+}
+
+/// Whether weights of which only the header is looked at have a second pass; false for what are none.
+pub(crate) fn has_second_pass(bytes: &[u8]) -> bool {
+    let architecture = || -> Option<Architecture> {
+        let (_, metadata) = SafeTensors::read_metadata(bytes).ok()?;
+        serde_json::from_str(metadata.metadata().as_ref()?.get(ARCHITECTURE_KEY)?).ok()
+    };
+    architecture().is_some_and(|a| a.second_pass > 0)
+}
+
+/// Whether the weights that this build carries have a second pass.
+pub(crate) fn embedded_second_pass() -> bool {
+    static EMBEDDED_HAVE: LazyLock<bool> = LazyLock::new(|| has_second_pass(EMBEDDED));
+    *EMBEDDED_HAVE
 }
 
 /// A weights file in memory.
@@ -192,7 +214,7 @@ impl Weights {
     #[cfg(test)]
     pub(crate) fn make_older(&mut self) {
         let inputs = self.architecture.features + self.architecture.half;
-        (self.architecture.albedo_levels, self.architecture.variance) = (1, 0);
+        (self.architecture.albedo_levels, self.architecture.variance, self.architecture.second_pass) = (1, 0, 0);
         let mix = &mut self.tensors.get_mut("mix.weight").expect("every network has it");
         **mix = mix.slice_axis(ndarray::Axis(1), (..inputs).into()).to_owned();
     }

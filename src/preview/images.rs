@@ -98,15 +98,16 @@ pub fn preview(
     let (frame, frames) = (request.frame, FrameSet::of(&[request.frame]));
     let most = request.windows.iter().copied().max();
     // The frame before needs its own window.
-    let reach = if request.flicker { most.unwrap_or(crate::rules::window::DEFAULT_WINDOW) + 1 } else { 0 };
+    let context = |window: usize| engine.identity().context(window);
+    let reach = context(most.unwrap_or(crate::rules::window::DEFAULT_WINDOW)) + usize::from(request.flicker);
     let scope = Scope::open(sequence, selection, Some(&frames), most, reach)?;
     let windows = if request.windows.is_empty() { vec![scope.window] } else { request.windows.clone() };
     let most = windows.iter().copied().max().unwrap_or_default();
-    let own = TargetFrame::new(&scope, frame, most);
+    let own = TargetFrame::new(&scope, frame, context(most));
     let can_flicker = scope.around(frame, 1).iter().any(|(offset, _)| *offset == -1);
     let mut notes: Vec<String> = scope.warnings().into_iter().map(|w| w.message).collect();
     notes.extend(scope.bad.iter().map(|(number, reason)| format!("frame {number}: {reason}")));
-    let before = (request.flicker && can_flicker).then(|| TargetFrame::new(&scope, frame - 1, most));
+    let before = (request.flicker && can_flicker).then(|| TargetFrame::new(&scope, frame - 1, context(most)));
     if request.flicker && !can_flicker {
         notes.push(format!("flicker cannot be shown: it wants frame {}, and motion vectors", frame - 1));
     }
@@ -126,7 +127,7 @@ pub fn preview(
     let mut shown = None;
     let mut layers = Vec::new();
     for (index, name) in names.into_iter().enumerate() {
-        let window = PreviewWindow::open((&scope, index), engine, &targets, request.region, (cancel, &step))?;
+        let window = PreviewWindow::open((&scope, index), engine, (&targets, most), request.region, (cancel, &step))?;
         notes.extend(window.notes.iter().cloned());
         let mut variants = Vec::new();
         for &radius in &windows {

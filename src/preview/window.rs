@@ -5,21 +5,31 @@ use std::collections::BTreeMap;
 use ndarray::{Array3, ArrayView3, s};
 
 use super::region::{Region, needed};
-use crate::engine::{EncodedFrame, Engine};
+use crate::engine::{EncodedFrame, Engine, FirstPass, SILENT};
 use crate::error::{Error, Result};
 use crate::frame::{Dial, Frame, LambdaMap};
 use crate::rules::pixel_checks::{Glance, PixelChecks};
 use crate::shot::{CancelToken, Scope};
 
-/// A frame to denoise and those that help it, as (offset, number).
+/// Pixels around a pixel whose results its second pass compares.
+const SECOND_REACH: usize = 4;
+
+/// A frame to denoise and those that it depends on, as (offset, number).
 pub(super) struct TargetFrame {
     pub number: i64,
     pub around: Vec<(i32, i64)>,
 }
 
 impl TargetFrame {
-    pub fn new(scope: &Scope, number: i64, window: usize) -> Self {
-        Self { number, around: scope.around(number, window) }
+    pub fn new(scope: &Scope, number: i64, context: usize) -> Self {
+        Self { number, around: scope.around(number, context) }
+    }
+
+    /// The frames that help one of those that it depends on, itself among them, as (offset, number).
+    fn around(&self, number: i64, window: usize) -> Vec<(i32, i64)> {
+        let all = self.around.iter().map(|(_, n)| *n).chain([self.number]);
+        let near = all.filter(|n| *n != number && n.abs_diff(number) <= window as u64);
+        near.map(|n| ((n - number) as i32, n)).collect()
     }
 }
 
@@ -41,14 +51,15 @@ pub(super) struct PreviewWindow {
 }
 
 impl PreviewWindow {
-    /// Reads the frames of all targets; the first one is the frame that is previewed. `read` hears of each that is encoded.
+    /// Reads the frames of all targets, for windows of at most `most`; the first one is the frame that is previewed. `read` hears of each
+    /// that is encoded.
     ///
     /// # Errors
     /// The first target cannot be read; the region reaches beyond the frame; [`Error::Cancelled`].
     pub fn open(
         (scope, image): (&Scope, usize),
         engine: &Engine,
-        targets: &[&TargetFrame],
+        (targets, most): (&[&TargetFrame], usize),
         region: Option<Region>,
         (cancel, read): (&CancelToken, &dyn Fn()),
     ) -> Result<Self> {
@@ -62,8 +73,9 @@ impl PreviewWindow {
             if cancel.is_cancelled() {
                 return Err(Error::Cancelled);
             }
-            let is_target = targets.iter().any(|t| t.number == number);
-            let frame = match engine.in_pool(|| scope.read_image(number, image, is_target)) {
+            let reach = (engine.identity().context(most) - most) as u64;
+            let is_denoised = targets.iter().any(|t| t.number.abs_diff(number) <= reach);
+            let frame = match engine.in_pool(|| scope.read_image(number, image, is_denoised)) {
                 Ok(frame) => frame,
                 Err(error) if number == first => return Err(error),
                 Err(error) => {
@@ -87,7 +99,7 @@ impl PreviewWindow {
                 let size = frames.get(&first).map(Frame::size).unwrap_or_default();
                 let region = region.unwrap_or(Region::whole(size)).within(size)?;
                 let mut window = Self::empty(size, Some(region));
-                window.cut = cut(engine, &frames, targets, region);
+                window.cut = cut(engine, &frames, (targets, most), region);
                 while let Some((number, frame)) = frames.pop_first() {
                     window.encode(engine, BTreeMap::from([(number, frame)]), (first, targets))?;
                     read();
@@ -140,18 +152,26 @@ impl PreviewWindow {
         (lambda, masked): (f32, Option<f32>),
     ) -> Result<(crate::Denoised, Vec<i64>)> {
         let missing = || Error::BadInput { input: format!("frame {}", target.number), reason: "cannot be read".into() };
-        let centre = self.encoded.get(&target.number).ok_or_else(missing)?;
-        let mut around: Vec<(i32, &EncodedFrame)> = Vec::new();
-        let mut helped = Vec::new();
-        for (offset, number) in target.around.iter().filter(|(offset, _)| offset.unsigned_abs() as usize <= window) {
-            if let Some(frame) = self.encoded.get(number) {
-                around.push((*offset, frame));
-                helped.push(*number);
-            }
-        }
+        let context = engine.identity().context(window);
+        let helped = target.around(target.number, context).into_iter().map(|(_, n)| n).filter(|n| self.encoded.contains_key(n));
+        let mut helped: Vec<i64> = helped.collect();
         helped.sort_unstable();
-        let map = LambdaMap::of_mask(centre.lambda_mask(), lambda, masked)?;
-        Ok((engine.denoise(centre, &around, Dial::new(lambda, map.as_ref()))?, helped))
+        let first = |number: i64| -> Result<FirstPass> {
+            let centre = self.encoded.get(&number).ok_or_else(missing)?;
+            let around = target.around(number, window);
+            let around: Vec<(i32, &EncodedFrame)> =
+                around.iter().filter_map(|(offset, n)| Some((*offset, self.encoded.get(n)?))).collect();
+            let map = LambdaMap::of_mask(centre.lambda_mask(), lambda, masked)?;
+            Ok(engine.first_pass(centre, &around, Dial::new(lambda, map.as_ref()), SILENT)?.0)
+        };
+        let own = first(target.number)?;
+        if context == window {
+            return Ok((own.denoised(), helped));
+        }
+        let taken = target.around(target.number, window).into_iter().filter(|(_, n)| self.encoded.contains_key(n));
+        let near: Vec<(i32, FirstPass)> = taken.map(|(offset, n)| Ok((offset, first(n)?))).collect::<Result<_>>()?;
+        let near: Vec<(i32, &FirstPass)> = near.iter().map(|(offset, pass)| (*offset, pass)).collect();
+        Ok((engine.second_pass(&own, &near), helped))
     }
 
     /// The region of an image that is cut as the frames are, (rows, columns, channels).
@@ -163,7 +183,7 @@ impl PreviewWindow {
 
 /// What of the frames a region needs: what denoising the first target there reads, and where the region lies in the others, what
 /// denoising those reads.
-fn cut(engine: &Engine, frames: &BTreeMap<i64, Frame>, targets: &[&TargetFrame], region: Region) -> Region {
+fn cut(engine: &Engine, frames: &BTreeMap<i64, Frame>, (targets, most): (&[&TargetFrame], usize), region: Region) -> Region {
     let vectors: BTreeMap<i64, ArrayView3<f32>> =
         frames.iter().filter_map(|(n, frame)| Some((*n, frame.vector.as_ref()?.view()))).collect();
     let Some(first) = targets.first() else { return region };
@@ -176,8 +196,21 @@ fn cut(engine: &Engine, frames: &BTreeMap<i64, Frame>, targets: &[&TargetFrame],
             _ => region,
         };
         let same_size = |n: &i64| frames.get(n).is_some_and(|f| f.size() == size);
-        let around: Vec<(i32, i64)> = target.around.iter().copied().filter(|(_, n)| same_size(n)).collect();
-        all = all.joined(needed(seen, engine.kernel_and_body_reach(), size, &vectors, (target.number, &around)));
+        let around = |n: i64| -> Vec<(i32, i64)> { target.around(n, most).into_iter().filter(|(_, n)| same_size(n)).collect() };
+        let reach = engine.kernel_and_body_reach();
+        all = all.joined(needed(seen, reach, size, &vectors, (target.number, &around(target.number))));
+        if !engine.has_second_pass() {
+            continue;
+        }
+        for later in [false, true] {
+            let (step, mut place) = (if later { 1 } else { -1 }, Some(seen.grown(SECOND_REACH, size)));
+            for k in 1..=most as i64 {
+                place = place.and_then(|p| p.moved(*vectors.get(&(target.number + step * (k - 1)))?, later));
+                let Some(there) = place else { break };
+                let number = target.number + step * k;
+                all = all.joined(needed(there, reach, size, &vectors, (number, &around(number))));
+            }
+        }
     }
     all.grown(engine.encoder_reach(), size)
 }

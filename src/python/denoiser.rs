@@ -11,7 +11,7 @@ use pyo3::types::PyDict;
 
 use super::arrays::{Given, Lam, Out, Passes, color_of, to_numpy};
 use super::settings::{check_lam, check_window, engine};
-use crate::engine::{EncodedFrame, Engine};
+use crate::engine::{EncodedFrame, Engine, FirstPass, SILENT};
 use crate::error::Result;
 use crate::rules::window::LAMBDA_RANGE;
 
@@ -121,8 +121,9 @@ impl Denoised {
 
 /// Denoises the frames of a shot as they come, each with the help of those around it.
 ///
-/// Give every frame to `push`, in order; each comes back once as many frames as the window is wide follow it. `flush` gives the rest at
-/// the end of the shot or at a cut. The results have the same bits as those of `denoise_sequence` over the same frames.
+/// Give every frame to `push`, in order; each comes back once as many frames as the window is wide follow it, twice as many with weights
+/// that have a second pass over time. `flush` gives the rest at the end of the shot or at a cut. The results have the same bits as those
+/// of `denoise_sequence` over the same frames.
 ///
 /// A neighbour helps where it has color's size and the same light passes, and where every frame from the one to be denoised to it came
 /// with motion vectors. It can be used from several threads; calls wait for each other. The GIL is released while it works.
@@ -156,11 +157,15 @@ struct State {
     slots: VecDeque<Slot>,
     /// Those at the front that are denoised already and stay as neighbours.
     done: usize,
+    /// Those at the front whose first pass is done.
+    passed: usize,
     pushed: u64,
 }
 
 struct Slot {
-    encoded: EncodedFrame,
+    /// While the first passes around it need it.
+    encoded: Option<EncodedFrame>,
+    first: Option<FirstPass>,
     lam: Lam,
     tag: Option<Py<PyAny>>,
     number: u64,
@@ -233,9 +238,9 @@ impl Denoiser {
             let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
             let encoded = self.engine.encode_view(&frame)?;
             let number = state.pushed;
-            state.slots.push_back(Slot { encoded, lam, tag, number });
+            state.slots.push_back(Slot { encoded: Some(encoded), first: None, lam, tag, number });
             state.pushed += 1;
-            state.advance(&self.engine, self.window, self.window)
+            state.advance(&self.engine, self.window, false)
         });
         to_python(py, ready?)
     }
@@ -243,12 +248,12 @@ impl Denoiser {
     /// Denoises the frames that still wait, and forgets all: the next frame begins a new shot.
     ///
     /// Returns:
-    ///     The frames, in order; as many as the window is wide, or fewer.
+    ///     The frames, in order; as many as `pending` says.
     fn flush(&self, py: Python<'_>) -> PyResult<Vec<Denoised>> {
         let ready = py.detach(|| {
             let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-            let ready = state.advance(&self.engine, self.window, 0);
-            (state.slots, state.done) = (VecDeque::new(), 0);
+            let ready = state.advance(&self.engine, self.window, true);
+            (state.slots, state.done, state.passed) = (VecDeque::new(), 0, 0);
             self.engine.release_memory();
             ready
         });
@@ -266,24 +271,52 @@ impl Denoiser {
 }
 
 impl State {
-    /// Denoises the frames that at least `ahead` frames follow, and lets go of those that help no more.
-    fn advance(&mut self, engine: &Engine, window: usize, ahead: usize) -> Result<Vec<Ready>> {
+    /// Denoises the frames that enough frames follow, at the `end` all, and lets go of those that help no more.
+    fn advance(&mut self, engine: &Engine, window: usize, end: bool) -> Result<Vec<Ready>> {
+        let reach = engine.identity().context(window) - window;
+        let ahead = if end { 0 } else { window };
         let mut ready = Vec::new();
-        while self.done + ahead < self.slots.len() {
-            let centre = &self.slots[self.done];
-            let offset = |i: usize| i as i32 - self.done as i32;
-            let near = self.slots.iter().enumerate().map(|(i, slot)| (offset(i), &slot.encoded));
+        while self.passed + ahead < self.slots.len() {
+            let offset = |i: usize, of: usize| i as i32 - of as i32;
+            let centre = &self.slots[self.passed];
+            let Some(own) = &centre.encoded else { break };
+            let near =
+                self.slots.iter().enumerate().filter_map(|(i, slot)| Some((offset(i, self.passed), slot.encoded.as_ref()?)));
             let around: Vec<_> = near.filter(|(o, _)| *o != 0 && o.unsigned_abs() as usize <= window).collect();
-            let (color, aovs) = color_of(engine.denoise(&centre.encoded, &around, centre.lam.dial())?);
-            let centre = &mut self.slots[self.done];
-            ready.push(Ready { color, aovs, tag: centre.tag.take(), number: centre.number });
-            self.done += 1;
-            if self.done > window {
+            let (first, _) = engine.first_pass(own, &around, centre.lam.dial(), SILENT)?;
+            self.slots[self.passed].first = Some(first);
+            self.passed += 1;
+            // At the end no further first pass is to come.
+            let whole = end && self.passed == self.slots.len();
+            while self.done + if whole { 0 } else { reach } < self.passed {
+                ready.extend(self.finish(engine, window, reach));
+                self.done += 1;
+            }
+            for slot in self.slots.iter_mut().take(self.passed.saturating_sub(window)) {
+                slot.encoded = None;
+            }
+            while self.done > reach && self.passed > window {
                 self.slots.pop_front();
-                self.done -= 1;
+                (self.done, self.passed) = (self.done - 1, self.passed - 1);
             }
         }
         Ok(ready)
+    }
+
+    /// The result of the next frame that is not done.
+    fn finish(&mut self, engine: &Engine, window: usize, reach: usize) -> Option<Ready> {
+        let at = self.done;
+        let denoised = if reach == 0 {
+            self.slots[at].first.take()?.denoised()
+        } else {
+            let near = self.slots.iter().enumerate().filter_map(|(i, slot)| Some((i as i32 - at as i32, slot.first.as_ref()?)));
+            let near: Vec<_> = near.filter(|(o, _)| *o != 0 && o.unsigned_abs() as usize <= window).collect();
+            engine.second_pass(self.slots[at].first.as_ref()?, &near)
+        };
+        let slot = &mut self.slots[at];
+        slot.first.iter_mut().for_each(FirstPass::averaged);
+        let (color, aovs) = color_of(denoised);
+        Some(Ready { color, aovs, tag: slot.tag.take(), number: slot.number })
     }
 }
 

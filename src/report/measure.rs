@@ -299,6 +299,9 @@ impl Measurement<'_> {
         if options.oidn.is_none() {
             self.remarks.push("OIDN was not measured: oidnDenoise is not installed, or was switched off.".into());
         }
+        if self.engine.has_second_pass() {
+            self.remarks.push("The second pass over time is not measured: the rows of Hush are those of the first one.".into());
+        }
         if machine.was_busy() {
             let text = "Other programs kept the machine busy: the times are longer than on an idle one, so do not quote them.";
             self.remarks.insert(0, text.into());

@@ -13,7 +13,7 @@ use crate::error::Error;
 pub enum Rule {
     /// Blocks where every pixel that could be averaged, in all frames of the window, lies within 2⁻¹² of the others relative to
     /// them: background, flat and converged parts. They keep their own rendered pixels, within half a float16 step of what would
-    /// have been computed.
+    /// have been computed. The second pass leaves them out too.
     Constant,
     /// Alpha that is 1 all over the window is not filtered. Exact: the sum of the weights may be a rounding, 6e-8, below 1.
     Opaque,

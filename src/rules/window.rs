@@ -34,7 +34,7 @@ pub enum Unused {
 /// A frame of the window around a centre frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct WindowFrame {
-    /// −3…3, never 0.
+    /// −3…3, −6…6 of what a second pass depends on; never 0.
     pub offset: i32,
     /// Its frame number.
     pub number: i64,
@@ -56,6 +56,8 @@ pub enum Availability {
 }
 
 /// The window of `radius` frames on each side of `centre`, ordered by offset. `known` tells about any frame number.
+///
+/// What a second pass depends on is the window of twice the radius: a frame beyond the radius helps those that the motion leads through.
 ///
 /// A frame is used if it is readable, of the centre's size, and every step from the centre to it has motion vectors: the step
 /// from frame a to the next one outward is made with a's Vector pass.

@@ -106,7 +106,7 @@ impl SequenceCheck {
         let numbers = job.sequence.numbers();
         let targets = targets(job, &numbers, &recorded)?;
         let reach = job.reach()?;
-        let (sources, _) = open_sources(job, &numbers, |n| is_near(&targets, n, reach), files);
+        let (sources, _) = open_sources(job, &numbers, |n| is_near(&targets, n, identity.context(reach)), files);
         let headers: Vec<Header> = targets.iter().filter_map(|t| sources.good.get(t)).map(|s| s.header.clone()).collect();
         let settings = resolve_window(job, &sources, &headers, reach).and_then(|window| job.frame_settings(window, 0, &identity));
         let mut look = Look { job, manifest, sources: &sources, settings: settings.as_ref(), files };
@@ -189,10 +189,9 @@ impl Look<'_> {
             },
             Err(error) => return Some(Stale::new(StaleKind::Setting("window"), error.to_string())),
         };
-        let window = neighbours(number, settings.window, |n| self.sources.known(n));
+        let window = neighbours(number, settings.context(), |n| self.sources.known(n));
         let image = self.job.lambda_image(number);
-        let wanted =
-            Wanted { sequence: &self.job.sequence, settings: &settings, window: &window, lambda_image: image.as_deref() };
+        let wanted = Wanted { job: self.job, settings: &settings, window: &window, lambda_image: image.as_deref() };
         why_stale(entry, output, &wanted, self.manifest, self.files)
     }
 

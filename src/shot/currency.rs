@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::events::Status;
 use super::file_state::FileMemory;
 use super::frame_settings::{Change, FrameSettings};
+use super::job::Job;
 use super::manifest::{Entry, Manifest};
 use crate::io::sequence::Sequence;
 use crate::rules::window::WindowFrame;
@@ -26,7 +27,7 @@ pub enum StaleKind {
     InputDamaged,
     /// The image that is the mask of λ is another one, came or went.
     LambdaImage,
-    /// A frame beside it changed, came or went.
+    /// A frame beside it changed, came or went, or its λ did where the second pass takes its result.
     Neighbours,
     /// The denoised file is damaged.
     OutputDamaged,
@@ -61,11 +62,11 @@ impl Stale {
 
 /// What a frame would be made from and with now.
 pub(super) struct Wanted<'a> {
-    /// The rendered frames.
-    pub sequence: &'a Sequence,
+    /// The rendered frames, and the dials of those around it.
+    pub job: &'a Job,
     /// The settings, λ that of the frame.
     pub settings: &'a FrameSettings,
-    /// The frames around it.
+    /// The frames around it that it depends on.
     pub window: &'a [WindowFrame],
     /// The image that is the mask of λ.
     pub lambda_image: Option<&'a Path>,
@@ -89,7 +90,7 @@ pub(super) fn why_stale(
     if then != Some(wanted.settings) {
         return Some(settings_changed(then, wanted.settings));
     }
-    let path = wanted.sequence.path(entry.frame);
+    let path = wanted.job.sequence.path(entry.frame);
     if entry.stamp.is_none() || !files.is_same(path, entry.stamp) {
         return stale(StaleKind::InputChanged, "the input changed");
     }
@@ -114,10 +115,11 @@ pub(super) fn same_input(entry: &Entry, sequence: &Sequence, files: &mut FileMem
 }
 
 fn same_window(entry: &Entry, wanted: &Wanted<'_>, files: &mut FileMemory) -> bool {
-    let now = wanted.window.iter().map(|n| (n.offset, wanted.sequence.path(n.number)));
-    let then = entry.neighbours.iter().map(|n| (n.offset, n.stamp));
     entry.neighbours.len() == wanted.window.len()
-        && now.zip(then).all(|((here, path), (there, state))| here == there && files.is_same(path, state))
+        && wanted.window.iter().zip(&entry.neighbours).all(|(now, then)| {
+            let same = now.offset == then.offset && files.is_same(wanted.job.sequence.path(now.number), then.stamp);
+            same && then.dial.as_ref().is_none_or(|dial| dial.is_same(wanted.job, now.number, files))
+        })
 }
 
 fn settings_changed(old: Option<&FrameSettings>, new: &FrameSettings) -> Stale {

@@ -41,6 +41,16 @@ impl FrameSettings {
         format!("{:016x}", xxhash_rust::xxh3::xxh3_64(serde_json::to_string(self).unwrap_or_default().as_bytes()))
     }
 
+    /// Frames on each side that a frame depends on.
+    pub(super) fn context(&self) -> usize {
+        self.engine.context(self.window)
+    }
+
+    /// Frames on each side whose first passes the second one takes; 0 where there is none.
+    pub(super) fn second_reach(&self) -> usize {
+        self.context() - self.window
+    }
+
     /// The view layer that the motion vectors came from, where one was named.
     pub(super) fn vector_layer(&self) -> Option<&str> {
         self.others.get("vector_layer")?.as_str()
@@ -99,6 +109,8 @@ impl<'de> Deserialize<'de> for FrameSettings {
             renderer: Option<String>,
             #[serde(default)]
             skip: Option<Value>,
+            #[serde(default)]
+            second_pass: bool,
             #[serde(flatten)]
             others: Map<String, Value>,
         }
@@ -106,7 +118,8 @@ impl<'de> Deserialize<'de> for FrameSettings {
             Value::Object(flags) => flags.into_iter().filter(|(_, on)| *on == Value::Bool(true)).map(|(name, _)| name).collect(),
             list => list,
         };
-        let Written { lambda, lambda_masked, window, model, renderer, skip, others: written } = Written::deserialize(from)?;
+        let Written { lambda, lambda_masked, window, model, renderer, skip, second_pass, others: written } =
+            Written::deserialize(from)?;
         let mut rules = skip.map_or_else(|| json!(crate::rules::skip::RULES), flags);
         if let Some(rules) = rules.as_array_mut() {
             // A rule without a bound is gone; whatever it made is another frame now.
@@ -125,7 +138,7 @@ impl<'de> Deserialize<'de> for FrameSettings {
             let value = ordered(setting.name, value).and_then(|value| setting.unusual(value));
             others.extend(value.map(|value| (setting.name.to_owned(), value)));
         }
-        Ok(Self { lambda, lambda_masked, window, engine: Identity { model, renderer, skip }, others })
+        Ok(Self { lambda, lambda_masked, window, engine: Identity { model, renderer, skip, second_pass }, others })
     }
 }
 

@@ -1,7 +1,9 @@
 //! The image that is the mask of a frame's λ, where that is no pass of the frame's own file.
 
+use std::path::Path;
+
 use super::file_state::FileState;
-use super::prepare::{Plan, PlannedFrame};
+use super::prepare::Plan;
 use crate::engine::LambdaMask;
 use crate::error::Result;
 use crate::io::read_lambda_image;
@@ -14,10 +16,10 @@ pub(super) struct LambdaImage {
 }
 
 impl LambdaImage {
-    /// Reads that of a frame; None where it has none.
-    pub fn read(plan: &Plan, target: &PlannedFrame) -> Option<Result<Self>> {
-        let path = target.lambda_image.as_ref()?;
-        let view = plan.sources.good.get(&target.frame)?.views.first()?;
+    /// Reads that of a frame from its file; None where it has none.
+    pub fn read(plan: &Plan, frame: i64, path: Option<&Path>) -> Option<Result<Self>> {
+        let path = path?;
+        let view = plan.sources.good.get(&frame)?.views.first()?;
         let state = FileState::read(path);
         let image = read_lambda_image(path, (view.rows, view.columns));
         Some(image.map(|image| Self { mask: LambdaMask::new(image.view()), state }))

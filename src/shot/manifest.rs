@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::dial::DialEntry;
 use super::events::Status;
 use super::file_state::FileState;
 use super::frame_settings::FrameSettings;
@@ -52,7 +53,7 @@ pub struct Entry {
     pub settings: String,
     /// The version of Hush that made it.
     pub hush: String,
-    /// The window around it, without itself.
+    /// The frames around it that it depends on, without itself.
     pub neighbours: Vec<NeighbourEntry>,
     /// What was odd about this frame.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -67,7 +68,7 @@ pub struct Entry {
 /// A frame of the window.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NeighbourEntry {
-    /// −3…3.
+    /// −3…3; −6…6 after a second pass.
     pub offset: i32,
     /// Frame number.
     pub frame: i64,
@@ -79,6 +80,9 @@ pub struct NeighbourEntry {
     /// Its file as it was; none where there was no file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stamp: Option<FileState>,
+    /// The dial of its own first pass, where the second one took its result.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dial: Option<DialEntry>,
 }
 
 impl Default for Manifest {

@@ -10,9 +10,11 @@
 //! # Ok::<(), hush::Error>(())
 //! ```
 
+mod bookkeeping;
 mod cancel;
 mod check;
 mod currency;
+mod dial;
 mod events;
 mod file_state;
 mod frame_settings;
@@ -22,6 +24,7 @@ mod lambda_image;
 mod ledger;
 mod manifest;
 mod output;
+mod passes;
 mod prepare;
 mod progress;
 mod run;
@@ -33,6 +36,7 @@ mod window_cache;
 pub use cancel::CancelToken;
 pub use check::{Checked, CheckedFrame, Counts, FrameState, SequenceCheck};
 pub use currency::{Stale, StaleKind};
+pub use dial::DialEntry;
 pub use events::{Event, Status, Summary};
 pub use file_state::{Content, FileState, Stamp};
 pub use frame_settings::FrameSettings;

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::currency::{Wanted, same_input, why_stale};
+use super::dial::FrameDial;
 use super::events::Status;
 use super::file_state::{FileMemory, FileState, Stamp};
 use super::frame_settings::FrameSettings;
@@ -53,7 +54,7 @@ pub struct PlannedFrame {
     /// What to do.
     #[serde(flatten)]
     pub action: Action,
-    /// Its window, by what the headers say.
+    /// The frames around it that it depends on, by what the headers say.
     #[serde(serialize_with = "used_numbers")]
     pub neighbours: Vec<WindowFrame>,
 }
@@ -87,6 +88,11 @@ pub(super) struct Sources {
 }
 
 impl Sources {
+    /// A file as it was when the run started.
+    pub fn stamp(&self, number: i64) -> Option<Stamp> {
+        self.stamps.get(&number).copied().flatten()
+    }
+
     /// What is known of a frame from its header.
     pub fn known(&self, number: i64) -> Availability {
         if self.ends.is_none_or(|(first, last)| number < first || number > last) {
@@ -121,7 +127,8 @@ impl Plan {
             let reason = format!("none of the frames asked for is there; the sequence has {}", words::spans(&numbers));
             return Err(Error::BadInput { input: job.sequence.name.clone(), reason });
         }
-        let near = |n: i64| targets.iter().any(|t| t.abs_diff(n) <= reach as u64);
+        let context = engine.context(reach) as u64;
+        let near = |n: i64| targets.iter().any(|t| t.abs_diff(n) <= context);
         let (sources, first_error) = open_sources(job, &numbers, near, &mut files);
         let strict_error = first_error.filter(|_| job.strict || !targets.iter().any(|t| sources.good.contains_key(t)));
         if let Some(error) = strict_error {
@@ -162,7 +169,7 @@ impl Plan {
         Entry {
             frame: frame.frame,
             source: std::path::absolute(&frame.source).unwrap_or_else(|_| frame.source.clone()),
-            stamp: self.sources.stamps.get(&frame.frame).copied().flatten().map(FileState::from),
+            stamp: self.sources.stamp(frame.frame).map(FileState::from),
             lambda_image: None,
             output: None,
             status: Status::Planned,
@@ -182,13 +189,12 @@ impl Plan {
         let dated = |state: Option<FileState>, stamp: Option<Stamp>| {
             state.map(|state| FileState { stamp: stamp.unwrap_or(state.stamp), ..state })
         };
-        let now = |frame: i64| self.sources.stamps.get(&frame).copied().flatten();
         let mut entry = Entry { status: Status::Skipped, reason: Some("already done".into()), ..before.clone() };
-        entry.stamp = dated(entry.stamp, now(entry.frame));
+        entry.stamp = dated(entry.stamp, self.sources.stamp(entry.frame));
         entry.output = dated(entry.output, Stamp::of(output));
         entry.lambda_image = dated(entry.lambda_image, image.and_then(Stamp::of));
         for neighbour in &mut entry.neighbours {
-            neighbour.stamp = dated(neighbour.stamp, now(neighbour.frame));
+            neighbour.stamp = dated(neighbour.stamp, self.sources.stamp(neighbour.frame));
         }
         entry
     }
@@ -200,8 +206,8 @@ impl Plan {
 }
 
 fn neighbour_entry(n: &WindowFrame, sources: &Sources) -> NeighbourEntry {
-    let stamp = sources.stamps.get(&n.number).copied().flatten().map(FileState::from);
-    NeighbourEntry { offset: n.offset, frame: n.number, used: n.unused.is_none(), reason: n.unused, stamp }
+    let stamp = sources.stamp(n.number).map(FileState::from);
+    NeighbourEntry { offset: n.offset, frame: n.number, used: n.unused.is_none(), reason: n.unused, stamp, dial: None }
 }
 
 fn used_numbers<S: serde::Serializer>(window: &[WindowFrame], to: S) -> Result<S::Ok, S::Error> {
@@ -282,14 +288,12 @@ fn plan_frames(
     let mut frames = Vec::with_capacity(targets.len());
     let mut foreign: Vec<PathBuf> = Vec::new();
     let mut worse: Vec<(i64, String)> = Vec::new();
-    let lambda = job.lambda();
     for &number in targets {
         let Some(source) = job.sequence.path(number) else { continue };
         let output = output_path(job, source);
-        let (lambda, lambda_masked) = (lambda.at(number), job.lambda_masked(number));
-        let lambda_image = job.lambda_image(number);
+        let FrameDial { lambda, lambda_masked, lambda_image } = FrameDial::of(job, number);
         let settings = &FrameSettings { lambda, lambda_masked, ..settings.clone() };
-        let window = neighbours(number, settings.window, |n| sources.known(n));
+        let window = neighbours(number, settings.context(), |n| sources.known(n));
         let entry = manifest.entry(&output);
         let no_image = lambda_image.as_ref().and_then(|image| std::fs::metadata(image).map_err(|e| Error::io(image, e)).err());
         let no_image = match no_image {
@@ -303,7 +307,7 @@ fn plan_frames(
                 _ if job.overwrite || !output.exists() => Action::Denoise(None),
                 Some(entry) => {
                     let image = lambda_image.as_deref();
-                    let wanted = Wanted { sequence: &job.sequence, settings, window: &window, lambda_image: image };
+                    let wanted = Wanted { job, settings, window: &window, lambda_image: image };
                     match why_stale(entry, &output, &wanted, manifest, files) {
                         None => Action::Skip,
                         Some(stale) => {

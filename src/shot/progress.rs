@@ -21,15 +21,19 @@ pub(super) struct FrameProgress<'a> {
     /// Frames of the window that are still to be read, of so many.
     to_read: usize,
     reads: usize,
+    /// First passes, of this frame or one beside it, and how many are done.
+    passes: usize,
+    passed: usize,
     reported: f64,
     /// Reached and not reported yet.
     reached: f64,
 }
 
 impl<'a> FrameProgress<'a> {
-    /// Of a frame that `reads` frames are to be read for.
-    pub fn new(report: &'a dyn Fn(Event<'_>), frame: i64, reads: usize) -> Self {
-        Self { report, frame, due: Instant::now() + QUIET, to_read: reads, reads, reported: 0.0, reached: 0.0 }
+    /// Of a frame that `reads` frames are to be read for and so many first passes done.
+    pub fn new(report: &'a dyn Fn(Event<'_>), frame: i64, reads: usize, passes: usize) -> Self {
+        let due = Instant::now() + QUIET;
+        Self { report, frame, due, to_read: reads, reads, passes, passed: 0, reported: 0.0, reached: 0.0 }
     }
 
     /// One more frame of the window was read and encoded.
@@ -38,10 +42,10 @@ impl<'a> FrameProgress<'a> {
         self.reach(0.0);
     }
 
-    /// Does the work on a thread of its own, and reports on this one what it says about how far it is, 0…1.
+    /// Does a first pass on a thread of its own, and reports on this one what it says about how far it is, 0…1.
     pub fn follow<T: Send>(&mut self, work: impl FnOnce(&(dyn Fn(f64) + Sync)) -> T + Send) -> T {
         let (fractions, reached) = channel();
-        thread::scope(|scope| {
+        let done = thread::scope(|scope| {
             let worker = scope.spawn(move || work(&move |fraction| _ = fractions.send(fraction)));
             loop {
                 let wait = if self.reached > self.reported { self.due.saturating_duration_since(Instant::now()) } else { QUIET };
@@ -52,14 +56,17 @@ impl<'a> FrameProgress<'a> {
                 }
             }
             worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-        })
+        });
+        self.passed += 1;
+        done
     }
 
-    /// `fraction` is of denoising alone.
+    /// `fraction` is of the first pass in hand.
     fn reach(&mut self, fraction: f64) {
         let reads = READING * self.reads as f64;
         let read = READING * (self.reads - self.to_read) as f64;
-        self.reached = self.reached.max((read + fraction) / (reads + 1.0));
+        let passed = self.passed as f64 + fraction;
+        self.reached = self.reached.max((read + passed) / (reads + self.passes.max(1) as f64));
         self.report_due();
     }
 
@@ -87,7 +94,7 @@ mod tests {
             Event::Progress { frame: 7, fraction } => all.borrow_mut().push((Instant::now(), fraction)),
             other => panic!("{other:?}"),
         };
-        let mut progress = FrameProgress::new(&report, 7, reads);
+        let mut progress = FrameProgress::new(&report, 7, reads, 1);
         (0..reads).for_each(|_| progress.read_one());
         progress.follow(work);
         all.into_inner()

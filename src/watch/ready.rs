@@ -25,6 +25,8 @@ pub(super) struct ReadyRules {
     pub window: Option<usize>,
     /// Motion vectors may be used.
     pub vectors: bool,
+    /// A frame depends on twice the window.
+    pub second_pass: bool,
     /// The frames that the shot will have.
     pub frames: Option<FrameSet>,
     /// How long no frame must have come before missing neighbours are given up.
@@ -197,7 +199,7 @@ impl Frames {
 
     /// Frames around a number may have to be made.
     fn touch(&mut self, number: i64) {
-        let reach = crate::rules::window::MAX_WINDOW as i64;
+        let reach = 2 * crate::rules::window::MAX_WINDOW as i64;
         let whole = |s: &FrameState| matches!(s.landing, Landing::Whole { .. });
         self.maybe.extend(self.all.range(number - reach..=number + reach).filter(|(_, s)| whole(s)).map(|(n, _)| *n));
     }
@@ -240,6 +242,11 @@ impl Frames {
             None if self.vector => DEFAULT_WINDOW,
             None => 0,
         }
+    }
+
+    /// Frames on each side that a frame depends on.
+    fn context(&self, rules: &ReadyRules) -> i64 {
+        (self.window(rules) * (1 + usize::from(rules.second_pass))) as i64
     }
 
     /// Whether some frame has motion vectors.
@@ -289,7 +296,7 @@ impl Frames {
         if made.failed || !rules.redo || !vector {
             return false;
         }
-        let reach = window as i64;
+        let reach = self.context(rules);
         let new = |k: i64| {
             let then = made.around.iter().find(|(offset, _)| i64::from(*offset) == k - number).map(|(_, stamp)| *stamp);
             self.all.get(&k).is_some_and(|s| matches!(s.landing, Landing::Whole { .. }) && Some(s.stamp) != then)
@@ -300,7 +307,7 @@ impl Frames {
     /// Whether the window of a frame is there, as far as it is to come. `start` is the shot's first frame, if that is known.
     fn is_satisfied(&self, number: i64, rules: &ReadyRules, start: Option<i64>) -> bool {
         let vector = self.all.get(&number).is_some_and(|s| s.landing == Landing::Whole { vector: true });
-        let reach = if vector { self.window(rules) as i64 } else { 0 };
+        let reach = if vector { self.context(rules) } else { 0 };
         let to_come = |k: i64| match (self.all.get(&k).map(|s| &s.landing), &rules.frames) {
             (Some(Landing::Whole { .. }), _) => false,
             (Some(Landing::Unchecked { .. } | Landing::Partial { .. }), _) => true,

@@ -38,7 +38,7 @@ impl Play {
         let ready = self.frames.ready(&self.rules, at(second));
         for &number in &ready {
             let window = self.frames.window(&self.rules);
-            let reach = window as i64;
+            let reach = window as i64 * if self.rules.second_pass { 2 } else { 1 };
             let around: Vec<i64> = self.frames.whole(number - reach, number + reach).filter(|n| *n != number).collect();
             let around = around.iter().map(|n| ((n - number) as i32, self.frames.stamp(*n).unwrap())).collect();
             let made = Made { stamp: self.frames.stamp(number), around, window, failed: false };
@@ -61,6 +61,22 @@ fn frames_come_out_two_behind_the_render() {
     assert_eq!(made, [none, none, &[1], &[2], &[3], &[4]]);
     assert_eq!(play.make(105), NONE, "one hundred seconds without a newcomer are not over");
     assert_eq!(play.make(106), [5, 6]);
+}
+
+#[test]
+fn with_a_second_pass_frames_come_out_four_behind_the_render() {
+    let mut play = Play::new(|r| r.second_pass = true);
+    let mut made = Vec::new();
+    for n in 1..=7 {
+        play.land(n, n as u64);
+        made.push(play.make(n as u64));
+    }
+    let none: &[i64] = &[];
+    assert_eq!(made, [none, none, none, none, &[1], &[2], &[3]]);
+    assert_eq!(play.make(107), [4, 5, 6, 7], "nothing more is to come");
+    play.frames.seen(10, stamp(108), true, at(108));
+    assert!(play.frames.looked(10, stamp(108), FileCheck::Whole { vector: true }, at(108)));
+    assert_eq!(play.make(300), [6, 7, 10], "a neighbour's neighbour came");
 }
 
 #[test]

@@ -64,6 +64,7 @@ impl Shot {
             window: job.settings.window,
             vectors: job.vectors(),
             frames: job.settings.frames.clone(),
+            second_pass: engine.second_pass,
             settle: options.settle,
             redo: options.redo,
             quiet: options.poll.unwrap_or(QUIET),
@@ -103,7 +104,7 @@ impl Shot {
 
     /// A file is there. False where another file has the same number.
     pub fn seen(&mut self, file: &FrameFile, stamp: Stamp, closed: bool, now: Duration) -> bool {
-        let near = crate::rules::window::MAX_WINDOW as i64;
+        let near = self.engine.context(crate::rules::window::MAX_WINDOW) as i64;
         if !(file.number - near..=file.number + near).any(|n| self.rules.wants(n)) {
             return true;
         }
@@ -179,7 +180,9 @@ impl Shot {
         let window = then.window;
         let same = self.job.frame_settings(window, number, &self.engine).is_ok_and(|now| now == *then);
         let image = self.job.lambda_image(number).and_then(|path| Stamp::of(&path));
-        if !same || image != entry.lambda_image.map(|state| state.stamp) || entry.status == Status::Planned {
+        let same_dials =
+            entry.neighbours.iter().all(|n| n.dial.as_ref().is_none_or(|dial| dial.is_untouched(&self.job, n.frame)));
+        if !same || image != entry.lambda_image.map(|state| state.stamp) || !same_dials || entry.status == Status::Planned {
             return None;
         }
         let around = entry.neighbours.iter().filter_map(|n| n.stamp.map(|state| (n.offset, state.stamp))).collect();
@@ -195,7 +198,7 @@ impl Shot {
 
     /// The job for some frames, with those beside them.
     pub fn job_for(&self, tree: &Tree, targets: &[i64]) -> Job {
-        let reach = self.frames.window(&self.rules) as i64;
+        let reach = self.engine.context(self.frames.window(&self.rules)) as i64;
         let mut numbers: BTreeSet<i64> = targets.iter().copied().collect();
         for target in targets {
             numbers.extend(self.frames.whole(target - reach, target + reach));

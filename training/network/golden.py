@@ -15,15 +15,17 @@ import torch.nn.functional as F
 from safetensors.torch import save_file
 from torch import Tensor
 
-from training.data.inputs import prepare
+from training.data.geometry import warped
+from training.data.inputs import frames, of_frames, path, prepare, view
 from training.data.shots import Shot
 from training.network.model import Architecture, Hush
+from training.network.second_pass import second_pass
 from training.network.weights_file import begin_from
 
 SMALL = Architecture(
     features=16, half=32, quarter=48, eighth=16, blocks_encoder=2, blocks_half=1, blocks_quarter=1, blocks_eighth=2, blocks_out=2,
     pair=16, lambda_hidden=4,
-    centre_taps=5, neighbour_taps=3, coarse_taps=3, albedo_taps=3, albedo_levels=3, variance=1,
+    centre_taps=5, neighbour_taps=3, coarse_taps=3, albedo_taps=3, albedo_levels=3, variance=1, second_pass=1,
 )  # fmt: skip
 LEVELS = {"half": 2, "quarter": 4, "eighth": 8}
 CASES: tuple[tuple[str, int, int, tuple[int, ...], float], ...] = (
@@ -51,8 +53,8 @@ def random_model(generator: torch.Generator) -> Hush:
 
 
 def older(net: Hush) -> Hush:
-    """The same weights with the albedo filtered at full resolution only and without variances, as older weights are."""
-    plain = Hush(replace(net.arch, albedo_levels=1, variance=0))
+    """The same weights with the albedo filtered at full resolution only, without variances and second pass, as older weights are."""
+    plain = Hush(replace(net.arch, albedo_levels=1, variance=0, second_pass=0))
     begin_from(plain, {k: v[:, : plain.mix.in_channels] if k == "mix.weight" else v for k, v in net.state_dict().items()})
     return plain.eval()
 
@@ -88,6 +90,13 @@ def forward(net: Hush, batch: dict[str, Tensor], lam: Tensor) -> tuple[dict[str,
     return result, stages
 
 
+def passes_of(shot: Shot, rows: int, columns: int, valid: Tensor) -> dict[str, Tensor]:
+    """The passes as a file would hold them, bad pixels NaN."""
+    nan = torch.where(valid > 0, 0.0, float("nan"))
+    shown = {"colour": shot.colour + nan, "albedo": shot.albedo, "normal": shot.normal, "depth": shot.depth, "vector": shot.vector}
+    return {name: image[..., :rows, :columns].contiguous() for name, image in shown.items()}
+
+
 def case(
     net: Hush, rows: int, columns: int, offsets: tuple[int, ...], lam: float, generator: torch.Generator, mapped: bool = False
 ) -> dict[str, Tensor]:
@@ -101,12 +110,40 @@ def case(
         whole = padded(chosen["lambda_map"][None], *shot.depth.shape[-2:])[None]
     result, stages = forward(net, batch, whole)
     crop = lambda x, scale=1: x[..., : -(-rows // scale), : -(-columns // scale)].contiguous()
-    nan = torch.where(valid > 0, 0.0, float("nan"))
     return {
-        "colour": crop(shot.colour + nan), "albedo": crop(shot.albedo), "normal": crop(shot.normal), "depth": crop(shot.depth),
-        "vector": crop(shot.vector), "lambda": torch.tensor([lam]), "offsets": torch.tensor(offsets or [0]),
+        **passes_of(shot, rows, columns, valid), "lambda": torch.tensor([lam]), "offsets": torch.tensor(offsets or [0]),
         "image": crop(result["image"][0]), **stages, **{name: crop(result[name][0], scale) for name, scale in LEVELS.items()},
         "centre": torch.tensor([shot.centre]), **chosen,
+    }  # fmt: skip
+
+
+def second_case(
+    net: Hush, rows: int, columns: int, window: int, lam: float, generator: torch.Generator, mapped: bool = False
+) -> dict[str, Tensor]:
+    """Frames of which each is denoised with those of the window that there are, and the second pass of the middle one."""
+    shot, valid = random_shot(2 * window + 1, rows, columns, generator)
+    chosen, whole = {}, torch.tensor([lam])
+    if mapped:
+        chosen["lambda_map"] = torch.exp2(torch.rand(rows, columns, generator=generator) * 6)
+        whole = padded(chosen["lambda_map"][None], *valid.shape[-2:])[None]
+    # What is alike from frame to frame is what the second pass averages.
+    shot.colour = (0.8 * shot.colour[:1] + 0.2 * shot.colour) * padded(valid[..., :rows, :columns], *valid.shape[-2:])
+    shot.vector = 0.25 * shot.vector
+    of, results, trusted, logits = frames(shot, valid=valid), [], valid, torch.zeros(0)
+    for frame in range(len(shot)):
+        offsets = shot.window(frame, window)
+        batch = {name: value[None] for name, value in view(shot, of, frame, offsets).items()}
+        result = net.denoise(net.encode(of_frames(of.inputs, [frame, *(frame + k for k in offsets)])[None]), batch, whole)
+        results.append(result["image"])
+        if frame == shot.centre:
+            trusted, logits = batch["valid"][:, 1:], result["second"]
+    offsets = shot.window(shot.centre, window)
+    positions = torch.cat([path(shot, shot.centre, k)[0].nan_to_num(0.0)[None] for k in offsets])
+    near = warped(torch.cat([results[shot.centre + k] for k in offsets]), positions)
+    image = second_pass(results[shot.centre], near[None], trusted, logits, of.exposure[shot.centre][None])
+    return passes_of(shot, rows, columns, valid) | chosen | {
+        "lambda": torch.tensor([lam]), "window": torch.tensor([window]),
+        "first_image": results[shot.centre][0, :, :rows, :columns], "image": image[0, :, :rows, :columns],
     }  # fmt: skip
 
 
@@ -122,7 +159,11 @@ def main() -> None:
         cases |= {f"{name}.{k}": v.float().contiguous() for k, v in case(net, *settings, generator).items()}
     plain = case(older(net), 16, 40, (-1, 1), 4.0, generator)
     mapped = case(net, 21, 37, (-1, 1), 1.0, generator, mapped=True)
-    for name, found in {"older": plain, "lambda_map": mapped}.items():
+    second = {
+        "second": second_case(net, 19, 45, 2, 16.0, generator),
+        "second_map": second_case(net, 24, 32, 1, 1.0, generator, mapped=True),
+    }
+    for name, found in ({"older": plain, "lambda_map": mapped} | second).items():
         cases |= {f"{name}.{k}": v.float().contiguous() for k, v in found.items()}
     save_file(cases, out / "golden_cases.safetensors")
 

@@ -15,6 +15,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from training.data.geometry import BRIGHTEST, EXTRAS, warped
+from training.network.second_pass import dialled
 
 LOGIT_LIMIT = 40.0
 QUERIES = 2
@@ -26,7 +27,7 @@ UNSEEN = -3.0  # logit at which new taps begin: hardly any weight beside trained
 class Architecture:
     """Everything that the Rust network needs to build itself; stored in the weights file's header.
 
-    albedo_levels is 1 or 3, variance 0 or 1.
+    albedo_levels is 1 or 3, variance and second_pass are 0 or 1.
     """
 
     version: int = 2
@@ -49,10 +50,11 @@ class Architecture:
     levels: int = 4
     albedo_epsilon: float = 0.05
     variance: int = 0
+    second_pass: int = 0
 
     def header(self) -> dict[str, int | float]:
         """What the weights file says; what is as in older files is left out."""
-        return {k: v for k, v in asdict(self).items() if (k, v) not in (("albedo_levels", 1), ("variance", 0))}
+        return {k: v for k, v in asdict(self).items() if (k, v) not in (("albedo_levels", 1), ("variance", 0), ("second_pass", 0))}
 
 
 class Residual(nn.Module):
@@ -87,6 +89,12 @@ class Encoder(nn.Module):
         return self.blocks(self.second(F.relu(self.first(x))))
 
 
+def code_of(lam: Tensor, columns: int) -> Tensor:
+    """log2 λ / 6, (B, 1, 1, 1), of λ (B,); of a map (B, 1, H, W) its means at the resolution that has so many columns."""
+    code = torch.log2(lam.view(-1, 1, 1, 1) if lam.dim() == 1 else lam) / 6.0
+    return F.avg_pool2d(code, code.shape[-1] // columns) if code.shape[-1] > 1 else code
+
+
 class Specialisation(nn.Module):
     """Loss specialisation: λ scales and shifts the features that feed the kernel predictors.
 
@@ -103,10 +111,7 @@ class Specialisation(nn.Module):
             nn.init.zeros_(layer.bias)
 
     def forward(self, x: Tensor, lam: Tensor) -> Tensor:
-        code = torch.log2(lam.view(-1, 1, 1, 1) if lam.dim() == 1 else lam) / 6.0
-        if code.shape[-1] > 1:
-            code = F.avg_pool2d(code, code.shape[-1] // x.shape[-1])
-        h = F.relu(self.hidden(code.movedim(1, -1)))
+        h = F.relu(self.hidden(code_of(lam, x.shape[-1]).movedim(1, -1)))
         return x * (1.0 + self.scale(h)).movedim(-1, 1) + self.shift(h).movedim(-1, 1)
 
 
@@ -256,6 +261,9 @@ class Hush(nn.Module):
             nn.init.constant_(self.head_albedo_half.bias[: 4 * coarse], UNSEEN)
             self.head_albedo_quarter = silent(a.quarter, albedo)
             self.pair_albedo_quarter_head = silent(a.pair, 1)
+        if a.second_pass:
+            self.pair_second_head = silent(a.pair, 4)
+            nn.init.constant_(self.pair_second_head.bias[:1], UNSEEN)
 
     def trunk(self, centre: Tensor, pairs: Tensor | None, noise: Tensor | None, lam: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Temporal extractor, U-shaped body and loss specialisation: features at half, quarter and eighth resolution.
@@ -293,7 +301,8 @@ class Hush(nn.Module):
         batch: `colour` (B, T, 3, H, W) demodulated and `albedo` (B, T, 3, H, W), neighbours already warped; `valid`
         (B, T, 1, H, W) in {0, 1}; `position` (B, T−1, 2, h, w) where each neighbour's features are sampled; `extras`
         (B, T−1, EXTRAS, h, w), channel 0 the trust; `exposure` (B,) of the centre frame.
-        Returns `image` (B, 3, H, W) and the demodulated `colour`, `half`, `quarter`, `eighth` and the filtered `albedo`.
+        Returns `image` (B, 3, H, W) and the demodulated `colour`, `half`, `quarter`, `eighth` and the filtered `albedo`; where there is a
+        second pass and a neighbour, its logits `second` (B, T−1, 2, h, w).
         """
         a = self.arch
         t = features.shape[1]
@@ -386,6 +395,9 @@ class Hush(nn.Module):
             albedo_full.append(subpixels(logits[:, : 4 * n_coarse]))
         filtered, norm = albedo_level(0, albedo_full, albedo_coarse)
         filtered = torch.where(norm > 0, filtered, albedo[:, 0])
-        return {"image": out * filtered, "colour": out, "half": out_half[0], "quarter": out_quarter[0], "albedo": filtered} | (
-            {"eighth": out_eighth[0]} if out_eighth else {}
-        )
+        result = {"image": out * filtered, "colour": out, "half": out_half[0], "quarter": out_quarter[0], "albedo": filtered}
+        if out_eighth:
+            result["eighth"] = out_eighth[0]
+        if a.second_pass and half_hidden is not None:
+            result["second"] = dialled(over_neighbours(self.pair_second_head, half_hidden), code_of(lam, half.shape[-1]))
+        return result
