@@ -8,9 +8,11 @@ use std::path::PathBuf;
 use common::{Look, Shot, name};
 use engine_support::{SMALL_MODEL, around, bits, denoise, encode, full, noise, plain, small};
 use hush::engine::{SILENT, Skip, Weights};
+use hush::io::Selection;
 use hush::io::sequence::Sequence;
+use hush::preview::{Request, preview};
 use hush::settings::Lambda;
-use hush::shot::{FrameState, Job, SequenceCheck, Status};
+use hush::shot::{CancelToken, FrameState, Job, Scope, SequenceCheck, Status};
 use hush::{Denoised, EncodedFrame, Engine, FirstPass, Frame, Settings};
 use ndarray::Array3;
 
@@ -92,7 +94,7 @@ fn runs_one_after_another_give_what_one_run_gives() {
     let one_by_one = part(&shot, "one by one", "1-9", 1..=9);
     for n in [1, 2, 3, 5, 4, 6, 7, 8, 9] {
         let job = one_by_one.clone().with(|s| s.frames = Some(n.to_string().parse().unwrap()));
-        let summary = runner.run(&job, &|_| {}, &hush::shot::CancelToken::new()).unwrap();
+        let summary = runner.run(&job, &|_| {}, &CancelToken::new()).unwrap();
         assert_eq!(summary.written, 1);
         assert!(made(&one_by_one, n) == std::fs::read(shot.output(n)).unwrap(), "frame {n}");
     }
@@ -136,6 +138,21 @@ fn bad_and_missing_frames_do_not_stop_the_others() {
     let without = part(&shot, "without", "1-4", 1..=4);
     shot.run(&without);
     (1..=4).for_each(|n| assert!(made(&without, n) == std::fs::read(shot.output(n)).unwrap(), "frame {n}"));
+}
+
+#[test]
+fn a_preview_shows_both_passes() {
+    let shot = shot(1..=9);
+    let sequence = Sequence::find(&[shot.folder()]).unwrap();
+    let scope = Scope::open(&sequence, &Selection::default(), None, Some(2), 0).unwrap();
+    let frames = encode(&shot.engine, (1..=9).map(|n| scope.read(n).unwrap().remove(0)));
+    let expected = second(&shot.engine, &passes(&shot.engine, &frames, 2), 4, 2);
+    let request =
+        Request { frame: 5, lambdas: vec![2.0], lambda_masked: None, windows: vec![0, 2], region: None, flicker: false };
+    let found = preview((&sequence, &Selection::default()), &request, &shot.engine, &|_| (), &CancelToken::new()).unwrap();
+    let [alone, both] = &found.layers[0].variants[..] else { panic!("two windows") };
+    assert!(both.colour == expected.colour && both.neighbours == [1, 2, 3, 4, 6, 7, 8, 9]);
+    assert!(alone.colour == denoise(&shot.engine, &frames, 4, 0, 2.0).colour && alone.neighbours.is_empty());
 }
 
 #[test]

@@ -201,9 +201,9 @@ fn around(scratch: &Scratch, y: usize, half_rows: usize, out: &mut [f32]) {
     let sum = |x: usize| above[x] + here[x] + below[x];
     let mut last = sum(0);
     let mut this = last;
-    for x in 0..columns {
+    for (x, to) in out.iter_mut().enumerate() {
         let next = if x + 1 < columns { sum(x + 1) } else { this };
-        out[x] = (last + this + next) / 9.0;
+        *to = (last + this + next) / 9.0;
         (last, this) = (this, next);
     }
 }
