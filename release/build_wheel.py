@@ -119,10 +119,12 @@ def build(platform: Platform, output: Path) -> Path:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("platform", nargs="*", choices=[*PLATFORMS, []], metavar="PLATFORM", help="tags of wheels; see --list")
+    parser.add_argument("platform", nargs="*", metavar="PLATFORM", help="tags of wheels; see --list")
     parser.add_argument("--out", type=Path, default=Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "wheels")
     parser.add_argument("--list", action="store_true", help="all platforms of a release")
     chosen = parser.parse_args()
+    if unknown := [tag for tag in chosen.platform if tag not in PLATFORMS]:
+        parser.error(f"no such platform: {', '.join(unknown)}; there are {', '.join(PLATFORMS)}")
     if chosen.list or not chosen.platform:
         print("\n".join(PLATFORMS))
         return 0 if chosen.list else 2
