@@ -4,6 +4,9 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
+/// How often a lock is tried for that its holder removed in between.
+const ATTEMPTS: usize = 1000;
+
 /// Held until dropped, or until its process ends, however it ends.
 #[derive(Debug)]
 pub struct FileLock {
@@ -21,14 +24,16 @@ impl FileLock {
     pub fn beside(guarded: &Path) -> io::Result<Self> {
         let name = guarded.file_name().unwrap_or_default().to_string_lossy();
         let path = guarded.with_file_name(format!(".{name}.lock"));
-        loop {
+        // Where files have no lasting numbers none would ever do.
+        for _ in 0..ATTEMPTS {
             let file = open(&path)?;
-            file.lock()?;
+            file.lock().inspect_err(|_| _ = fs::remove_file(&path))?;
             // The one who held it before has removed the file; who comes next makes a new one.
             if is_at(&file, &path) {
                 return Ok(Self { path, file: Some(file) });
             }
         }
+        Err(io::Error::other("the file system tells no file from another"))
     }
 }
 
