@@ -109,7 +109,8 @@ def sources() -> list[Path]:
                 return True
         return False
 
-    found = [path for path in sorted(HERE.rglob("*")) if path.is_file() and not excluded(path)]
+    # The wheels are named one by one.
+    found = [path for path in sorted(HERE.rglob("*")) if path.is_file() and path.suffix != ".whl" and not excluded(path)]
     if HERE / "__init__.py" not in found:
         raise BuildError(f"{HERE / '__init__.py'} is not there")
     return found
@@ -118,16 +119,18 @@ def sources() -> list[Path]:
 def manifest(names: list[str], wheels: list[str]) -> str:
     """The manifest for these platforms with these wheels."""
     text = (HERE / MANIFEST).read_text(encoding="utf-8")
-    head, build, tail = text.partition("[permissions]")
+    head, permissions, tail = text.partition("[permissions]")
+    # Those of a release make room for these.
+    head = re.sub(r"(?ms)^(#[^\n]*\n)?(platforms|wheels) = \[.*?\]\n", "", head)
     quoted = lambda values: ", ".join(f'"{value}"' for value in values)
-    lines = [line for line in head.splitlines() if not line.startswith("#")]
+    lines = head.splitlines()
     while not lines[-1]:
         lines.pop()
     if names:
         lines.append(f"platforms = [{quoted(names)}]")
     if wheels:
         lines.append(f"wheels = [{quoted(wheels)}]")
-    return "\n".join(lines) + "\n\n" + build + tail
+    return "\n".join(lines) + "\n\n" + permissions + tail
 
 
 def pack(destination: Path, names: list[str], wheels: list[Path]) -> None:
@@ -137,7 +140,6 @@ def pack(destination: Path, names: list[str], wheels: list[Path]) -> None:
     inside = [f"./wheels/{wheel.name}" for wheel in wheels]
     entries = {path.relative_to(HERE).as_posix(): path.read_bytes() for path in sources()}
     entries[MANIFEST] = manifest(names, inside).encode()
-    entries["LICENSE"] = (ROOT / "LICENSE").read_bytes()
     entries.update({f"wheels/{wheel.name}": wheel.read_bytes() for wheel in wheels})
     try:
         with zipfile.ZipFile(aside, "w") as archive:

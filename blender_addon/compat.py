@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
-# SPDX-License-Identifier: Apache-2.0
+# SPDX-License-Identifier: GPL-3.0-or-later
 """What differs between Blender 4.2, 4.5, 5.0 and 5.2, and nothing else."""
 
 import os

@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
-# SPDX-License-Identifier: Apache-2.0
+# SPDX-License-Identifier: GPL-3.0-or-later
 """What happens by itself: nodes pass their input through in renders and saved files, and show frames in between.
 
 Only what runs in the main thread changes nodes; a render's own thread writes a custom property at most, before Blender reads it.

@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
-# SPDX-License-Identifier: Apache-2.0
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The compositor's Add menu, and putting the node where it belongs with one click."""
 
 import bpy

@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
-# SPDX-License-Identifier: Apache-2.0
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Every message that an artist reads, by key. Each says what is the matter and which button or field helps.
 
 A field with words behind its colon counts: `{count:frame is}` gives `1 frame is` or `2 frames are`, and of a list of frames

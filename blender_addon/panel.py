@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
-# SPDX-License-Identifier: Apache-2.0
+# SPDX-License-Identifier: GPL-3.0-or-later
 """What is drawn: the panel in the render properties, and the one beside the compositor's nodes."""
 
 import textwrap

@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
-# SPDX-License-Identifier: Apache-2.0
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Prepare Shot: the render settings that Hush wants, each change remembered in the scene so that it can be undone."""
 
 import json

@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
-# SPDX-License-Identifier: Apache-2.0
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The settings of a shot, kept in the scene as `scene.hush`, and of a node, kept in its tree as `tree.hush`.
 
 None has an update callback: after one was unregistered, Blender 4.2 as a Python module crashes at its end. `handlers.py` hears of changes.

@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
-# SPDX-License-Identifier: Apache-2.0
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Keeps what panels and nodes show up to date: the disk is read and nodes are changed in a timer, never while drawing or rendering."""
 
 import time

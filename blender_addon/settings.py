@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
-# SPDX-License-Identifier: Apache-2.0
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The settings of a shot, by their names in hush.toml. Generated from src/settings/table.rs: not changed by hand."""
 
 from typing import NamedTuple

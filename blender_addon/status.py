@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
-# SPDX-License-Identifier: Apache-2.0
+# SPDX-License-Identifier: GPL-3.0-or-later
 """How far a shot is denoised, and which of its frames are current, as the Hush library says."""
 
 import time

@@ -162,7 +162,7 @@ fn the_keywords_of_python_are_current() {
 #[test]
 fn the_table_of_the_extension_is_current() {
     let mut text = String::from(
-        "# SPDX-FileCopyrightText: 2026 Hush authors\n# SPDX-License-Identifier: Apache-2.0\n\"\"\"The settings of a shot, by their names in \
+        "# SPDX-FileCopyrightText: 2026 Hush authors\n# SPDX-License-Identifier: GPL-3.0-or-later\n\"\"\"The settings of a shot, by their names in \
          hush.toml. Generated from src/settings/table.rs: not changed by hand.\"\"\"\n\nfrom typing import NamedTuple\n\n\nclass \
          Setting(NamedTuple):\n    \"\"\"A setting: what it does; its default, None where that is not one value; the least and the most, \
          None where it is no number.\"\"\"\n\n    help: str\n    default: object\n    least: float | None\n    most: float | \

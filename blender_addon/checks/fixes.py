@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
-# SPDX-License-Identifier: Apache-2.0
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The Fix buttons of Check Shot: the steps of Prepare Shot one by one, and mending the node."""
 
 import bpy

@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
-# SPDX-License-Identifier: Apache-2.0
+# SPDX-License-Identifier: GPL-3.0-or-later
 """What Check Shot finds in the settings of a scene, without a look at the disk."""
 
 from collections.abc import Iterator

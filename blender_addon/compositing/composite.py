@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
-# SPDX-License-Identifier: Apache-2.0
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Composite Denoised: only the compositor over the frame range, without rendering again.
 
 It runs in another process, on a copy of the scene in a file of its own. In the open file nothing is changed, not for a moment.

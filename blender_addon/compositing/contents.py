@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
-# SPDX-License-Identifier: Apache-2.0
+# SPDX-License-Identifier: GPL-3.0-or-later
 """What a composite is made of: the scenes, files and settings, all resolved for a process that has a copy of the file elsewhere."""
 
 import itertools

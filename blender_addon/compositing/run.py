@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
-# SPDX-License-Identifier: Apache-2.0
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The frames of a composite, one after the other. Only for the process that composites: it opens another file.
 
 Events: `start` (`frames`), `working` (`frame`), `warning` (`message`), and `frame` with its `status`: `composited`, `refused` or `failed`;

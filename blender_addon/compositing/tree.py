@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
-# SPDX-License-Identifier: Apache-2.0
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The compositor of a copied file, fed by the files of the frames in place of renders. Only for the process that composites."""
 
 import os

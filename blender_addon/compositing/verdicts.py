@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
-# SPDX-License-Identifier: Apache-2.0
+# SPDX-License-Identifier: GPL-3.0-or-later
 """What a frame is composited from, and why one is refused. Asked before a composite and, in its process, right before each frame."""
 
 from collections.abc import Collection

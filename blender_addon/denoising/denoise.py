@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
-# SPDX-License-Identifier: Apache-2.0
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Denoise Shot: the frames of the scene, or of files that are named, in the background or, in scripts, until they are done."""
 
 import re

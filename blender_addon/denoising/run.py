@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
-# SPDX-License-Identifier: Apache-2.0
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Denoises the sequences of a shot, one after the other. Only for the process that denoises.
 
 Events are those of `hush.denoise_sequence`, each with the number of its `run`.

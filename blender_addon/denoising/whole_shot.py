@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
-# SPDX-License-Identifier: Apache-2.0
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Render and Denoise Shot: the whole way with one button. Prepared, rendered, denoised, and composited where the compositor has the node.
 
 It goes on where it was stopped: frames that are rendered are not rendered again, unless that is asked for.

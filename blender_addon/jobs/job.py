@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
-# SPDX-License-Identifier: Apache-2.0
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Work that another process does: what it has said so far, and how to stop it. Does not touch Blender's data.
 
 `worker.py` says how the two talk: work and stop on its standard input, events on its standard output.
 """
 
+import importlib
 import json
 import queue
 import subprocess
@@ -273,9 +274,10 @@ def import_path() -> list[str]:
     Raises:
         Refusal: The library does not load.
     """
+    names = ("hush", "numpy")
     try:
-        import hush
-        import numpy
+        for name in names:
+            importlib.import_module(name)
     except ImportError as error:
         raise Refusal(messages.text("library", reason=error)) from error
-    return list(dict.fromkeys(str(Path(module.__file__).parents[1]) for module in (hush, numpy)))
+    return [entry for entry in sys.path if entry and any(Path(entry, name, "__init__.py").is_file() for name in names)]

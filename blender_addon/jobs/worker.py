@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
-# SPDX-License-Identifier: Apache-2.0
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Does the work of a job in a process of its own, so that Blender stays usable. Not part of the add-on's module: `job.py` starts it.
 
 The first line of standard input is the work as JSON: `module` (whose `run` does it), `path` (folders to import from), and what the module

@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
-# SPDX-License-Identifier: Apache-2.0
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The tree of a Temporal Denoise node: a Switch between the incoming image and the file of one denoised frame.
 
 It is a plain node group. A node class of Python's own has all compositing skipped in Blender 4.5 and 5.0 where the class is missing,

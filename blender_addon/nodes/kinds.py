@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
-# SPDX-License-Identifier: Apache-2.0
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The nodes that a composite has to know: those of Hush, also of its first form, and those that this Blender does not know."""
 
 import os

@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
-# SPDX-License-Identifier: Apache-2.0
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The Temporal Denoise node: where it is, and what it shows: the denoised frame if that is current, else the incoming image.
 
 It never shows a denoised frame in what is rendered or saved; `handlers.py` sees to that.

@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
-# SPDX-License-Identifier: Apache-2.0
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The image `Hush Preview`: made from the worker's arrays, shown in an Image Editor, and taken away again without a trace.
 
 It is an image of a temporary file. Its pixels are never set from here: Blender would take it for unsaved work.

@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
-# SPDX-License-Identifier: Apache-2.0
+# SPDX-License-Identifier: GPL-3.0-or-later
 """One frame that is being denoised for the preview: the process, and what it made. Does not touch Blender's data."""
 
 import shutil

@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
-# SPDX-License-Identifier: Apache-2.0
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Denoise This Frame: the current frame by the scene's settings, in the Image Editor, with before and after and what flickers."""
 
 import time

@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
-# SPDX-License-Identifier: Apache-2.0
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Denoises one frame into images. Only for the process that does it.
 
 Events: `progress` with a `fraction`; the last one has what `hush.preview` tells besides the images.

@@ -2,8 +2,9 @@
 
 use std::ffi::OsString;
 use std::fs::{self, File};
-use std::io::{BufWriter, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use crate::error::{Error, Result};
 
@@ -18,7 +19,7 @@ pub fn write_atomically(destination: &Path, write: impl FnOnce(&mut BufWriter<Fi
     writer.flush().map_err(|e| Error::io(destination, e))?;
     writer.get_ref().sync_all().map_err(|e| Error::io(destination, e))?;
     drop(writer);
-    fs::rename(&part, destination).map_err(|e| Error::io(destination, e))?;
+    patiently(|| fs::rename(&part, destination)).map_err(|e| Error::io(destination, in_use(destination, e)))?;
     guard.keep();
     sync_folder(destination);
     Ok(())
@@ -37,6 +38,36 @@ fn part_path(destination: &Path) -> Result<PathBuf> {
     part.push(name);
     part.push(format!(".hush-{}.part", std::process::id()));
     Ok(destination.with_file_name(part))
+}
+
+/// What Windows says while another program has a file open: access denied, a sharing violation, a lock violation.
+const IN_USE: [i32; 3] = [5, 32, 33];
+
+/// Does it again for two seconds where Windows says that another program has the file open, as viewers and virus scanners do.
+pub(super) fn patiently<T>(mut action: impl FnMut() -> io::Result<T>) -> io::Result<T> {
+    let mut pause = Duration::from_millis(10);
+    loop {
+        match action() {
+            Err(e)
+                if cfg!(windows) && e.raw_os_error().is_some_and(|code| IN_USE.contains(&code)) && pause.as_millis() < 1500 =>
+            {
+                std::thread::sleep(pause);
+                pause *= 2;
+            }
+            done => return done,
+        }
+    }
+}
+
+/// Why a file cannot be replaced, with what to do; Windows says only that access is denied.
+fn in_use(path: &Path, error: io::Error) -> io::Error {
+    match error.raw_os_error() {
+        Some(code) if cfg!(windows) && IN_USE.contains(&code) && path.exists() => {
+            let reason = "it cannot be replaced: it is open in another program, or read-only; close it there and run again";
+            io::Error::new(error.kind(), reason)
+        }
+        _ => error,
+    }
 }
 
 /// Makes the rename itself durable; file systems that cannot sync folders lose nothing by it.

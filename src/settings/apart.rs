@@ -18,7 +18,6 @@ pub const READ_STAGE: &str = "read-stage";
 /// What the reading process may take.
 #[cfg(unix)]
 const MEMORY: u64 = 8 << 30;
-#[cfg(unix)]
 const SECONDS: u32 = 120;
 const INSTEAD: &str = "hush.toml beside the frames carries all the settings too";
 
@@ -57,6 +56,12 @@ pub fn read_apart(stage: &StageRef) -> Result<Layered> {
     };
     let mut command = Command::new(program);
     command.args(arguments).args([READ_STAGE, "--", &stage.to_string()]).stdin(Stdio::null()).stderr(Stdio::null());
+    #[cfg(windows)]
+    {
+        // In Blender no console window may open for it.
+        const NO_WINDOW: u32 = 0x0800_0000;
+        std::os::windows::process::CommandExt::creation_flags(&mut command, NO_WINDOW);
+    }
     let answer =
         command.output().map_err(|e| bad(format!("the USD reader cannot be started ({}: {})", program.display(), plain(&e))))?;
     // Other lines may come from what a Python interpreter runs at its start.
@@ -107,5 +112,11 @@ fn limit() {
     unsafe { libc::alarm(SECONDS) };
 }
 
+/// Only the time: the memory of a process cannot be bounded here.
 #[cfg(not(unix))]
-fn limit() {}
+fn limit() {
+    std::thread::spawn(|| {
+        std::thread::sleep(std::time::Duration::from_secs(SECONDS.into()));
+        std::process::exit(1);
+    });
+}

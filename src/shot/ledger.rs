@@ -1,13 +1,13 @@
 //! A folder's manifest as it was last read or written; the file is read again only where another process changed it.
 
-use std::fs::{File, Metadata};
+use std::fs::Metadata;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use super::manifest::{MANIFEST, Manifest};
 use crate::error::{Error, Result};
-use crate::io::write_atomically;
+use crate::io::{FileLock, write_atomically};
 
 /// The manifest of one output folder.
 #[derive(Debug, Default)]
@@ -53,7 +53,7 @@ impl Ledger {
     /// The file cannot be written.
     pub fn merge(&mut self, ours: &Manifest) -> Result<()> {
         // Several processes may share the folder, each with its own frames; where locks do not work the last one wins.
-        let lock = File::open(&self.folder).ok().filter(|f| f.lock().is_ok());
+        let lock = FileLock::beside(&self.path()).ok();
         // A damaged manifest was told when the run began; it is replaced.
         let _ = self.read();
         self.manifest.settings.extend(ours.settings.clone());

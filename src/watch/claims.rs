@@ -280,6 +280,7 @@ mod tests {
         assert!(!dir.path().join(CLAIMS).exists());
     }
 
+    #[cfg(target_os = "linux")]
     #[test]
     fn a_killed_process_of_this_machine_loses_its_claims_at_once() {
         let dir = tempfile::tempdir().unwrap();

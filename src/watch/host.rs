@@ -33,7 +33,7 @@ pub(super) fn is_gone(_: u32) -> bool {
     false
 }
 
-#[cfg(test)]
+#[cfg(all(test, target_os = "linux"))]
 mod tests {
     use super::*;
 

@@ -15,7 +15,7 @@ PAGES = sorted(p for p in ROOT.rglob("*.md") if not BUILT.search(str(p.relative_
 # Commands of days gone by are told in the changelog, and measurements of then in the notes.
 OF_TODAY = [p for p in PAGES if p.name not in {"CHANGELOG.md", "NOTES.md", "RESULTS.md", "STABILITY.md"}]
 
-FOLDERS = "benches|blender_addon|docs|examples|farm|fuzz|models|python|samples|src|tests|training"
+FOLDERS = "benches|blender_addon|docs|examples|farm|fuzz|models|python|release|samples|src|tests|training"
 FENCE = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)

@@ -155,12 +155,18 @@ mod tests {
 
     #[test]
     fn paths_are_relative_where_folders_are_shared() {
-        for (file, layer, expected) in [
+        let mut cases = vec![
             ("/a/b/base.usda", "/a/b/over.usda", "./base.usda"),
             ("/a/b/c/base.usda", "/a/b/over.usda", "./c/base.usda"),
             ("/a/base.usda", "/a/b/over.usda", "../base.usda"),
-            ("/x/base.usda", "/a/b/over.usda", "/x/base.usda"),
-        ] {
+        ];
+        if cfg!(windows) {
+            cases.push((r"D:\x\base.usda", r"C:\x\over.usda", r"D:\x\base.usda"));
+            cases.push((r"D:\a\c\base.usda", r"D:\a\b\over.usda", "../c/base.usda"));
+        } else {
+            cases.push(("/x/base.usda", "/a/b/over.usda", "/x/base.usda"));
+        }
+        for (file, layer, expected) in cases {
             assert_eq!(relative(Path::new(file), Path::new(layer)), expected);
         }
     }

