@@ -17,12 +17,13 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import pyoidn
 import torch
 from torch import Tensor
 
 from training.benchmark import oidn
-from training.benchmark.tables import table
-from training.benchmark.validate_oidn import interleaved
+from training.benchmark.tables import PEER, table
+from training.benchmark.validate_oidn import denoised
 from training.data.inputs import prepare
 from training.data.shots import OFFSETS, Shot, read_split
 from training.network import fused
@@ -60,23 +61,15 @@ def errors(shot: Shot, image: Tensor) -> tuple[float, float]:
 
 
 @torch.no_grad()
-def denoised(net: Hush, shot: Shot, offsets: Sequence[int]) -> Tensor:
+def by_hush(net: Hush, shot: Shot, offsets: Sequence[int]) -> Tensor:
     batch = {name: value[None] for name, value in prepare(shot, offsets).items()}
     return net(batch, torch.ones(1))["image"][0]
 
 
-def peer(shot: Shot, threads: int) -> Tensor:
-    """OIDN's image as Cycles runs it, (3, H, W)."""
-    colour = interleaved(shot.colour[shot.centre].clamp_min(0))
-    albedo, normal = interleaved(shot.albedo[shot.centre].clamp(0, 1)), interleaved(shot.normal[shot.centre])
-    with oidn.device(threads) as device:
-        return torch.from_numpy(oidn.clean_aux(device, colour, albedo, normal)).permute(2, 0, 1)
-
-
-def row_of(net: Hush, shot: Shot, threads: int) -> Row:
+def row_of(net: Hush, shot: Shot, device: pyoidn.Device) -> Row:
     """The numbers of a shot: as COLUMNS, but for the last."""
-    base = errors(shot, peer(shot, threads))
-    near, alone = (errors(shot, denoised(net, shot, offsets)) for offsets in (OFFSETS, ()))
+    base = errors(shot, denoised(device, shot, (PEER,))[PEER])
+    near, alone = (errors(shot, by_hush(net, shot, offsets)) for offsets in (OFFSETS, ()))
     return near[0] / base[0], near[1] / base[1], alone[0] / base[0], alone[1] / base[1], near[1] / alone[1]
 
 
@@ -113,7 +106,8 @@ def main() -> None:
     net.average = fused.average
     _, held = read_split(a.shots)
     sets = {name: places for name, places in members(held).items() if places}
-    rows = [row_of(net, shot, a.threads) for shot in held]
+    with oidn.device(a.threads) as device:
+        rows = [row_of(net, shot, device) for shot in held]
     found = {name: summary([rows[k] for k in places]) for name, places in sets.items()}
     print(table(["", "shots", *COLUMNS], [[name, str(len(sets[name])), *(f"{x:.2f}" for x in row)] for name, row in found.items()]))
     if a.write and a.limits:

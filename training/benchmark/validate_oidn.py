@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 
@@ -35,12 +36,12 @@ def interleaved(planes: Tensor) -> oidn.Image:
     return np.ascontiguousarray(planes.permute(1, 2, 0).numpy(), dtype=np.float32)
 
 
-def denoised(device: pyoidn.Device, shot: Shot) -> dict[str, Tensor]:
-    """The middle frame of a shot by every method, (3, H, W)."""
+def denoised(device: pyoidn.Device, shot: Shot, methods: Sequence[str] = METHODS) -> dict[str, Tensor]:
+    """The middle frame of a shot by each method, (3, H, W)."""
     colour = interleaved(shot.colour[shot.centre].clamp_min(0))
     albedo = interleaved(shot.albedo[shot.centre].clamp(0, 1))
     normal = interleaved(shot.normal[shot.centre])
-    images = {"noisy": colour, **{name: method(device, colour, albedo, normal) for name, method in oidn.METHODS.items()}}
+    images = {name: colour if name == "noisy" else oidn.METHODS[name](device, colour, albedo, normal) for name in methods}
     return {name: torch.from_numpy(image).permute(2, 0, 1) for name, image in images.items()}
 
 

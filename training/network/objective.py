@@ -35,16 +35,20 @@ def demodulated(view: View) -> Tensor:
     return view["reference"] / view["albedo"][:, 0].clamp_min(0.05)
 
 
+def evened(lam: Tensor) -> Tensor:
+    """What the terms that know λ are weighted by so that no λ outweighs the others, 2 / (1 + √λ), against images."""
+    return 2.0 / (1.0 + by_pixel(lam).sqrt())
+
+
 def still_loss(out: Output, view: View, lam: Tensor, shares: Shares = SHARES) -> Tensor:
     """The loss of one frame, on images scaled so that the reference's mean is 0.4; lam (B,) or (B, 1, H, W).
 
-    The asymmetric loss and the fireflies are weighted 2 / (1 + √λ) so that no λ outweighs the others. Shots of many samples, whose
-    errors are small, count more.
+    The asymmetric loss and the fireflies are `evened`. Shots of many samples, whose errors are small, count more.
     """
     gain = view["gain"].view(-1, 1, 1, 1)
     image, reference, noisy = out["image"] * gain, view["reference"] * gain, view["noisy"] * gain
     effort = view["effort"].view(-1, 1, 1, 1)
-    weight = 2.0 / (1.0 + by_pixel(lam).sqrt())
+    weight = evened(lam)
     total = (asymmetric(image, reference, noisy, lam) * weight * effort).mean()
     base = demodulated(view) * gain
     for level, share in (("half", shares.half), ("quarter", shares.quarter)):

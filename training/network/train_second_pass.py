@@ -25,7 +25,7 @@ from training.data.shots import Shot, is_held, read_shot, shot_paths
 from training.network import fused
 from training.network.loss import asymmetric, by_pixel, fireflies, flicker, rel_mse, smape
 from training.network.model import Hush, code_of
-from training.network.objective import SHARES
+from training.network.objective import SHARES, evened
 from training.network.second_pass import dialled, difference, weights
 from training.network.weights_file import WeightsFile, begin_from
 
@@ -101,7 +101,7 @@ def loss(head: nn.Module, of: Sequence[Example]) -> Tensor:
     out = [example.averaged(head)[0] for example in of]
     total = torch.zeros(())
     for image, example in zip(out, of, strict=True):
-        weight = 2.0 / (1.0 + by_pixel(example.lam).sqrt()) * example.effort
+        weight = evened(example.lam) * example.effort
         total = total + (asymmetric(image, example.reference, example.noisy, example.lam) * weight).mean() / len(of)
         total = total + SHARES.fireflies * (fireflies(image, example.reference) * weight).mean() / len(of)
     return total + SHARES.temporal * (changes(out, of) / by_pixel(of[0].lam)).mean() if len(of) > 1 else total
