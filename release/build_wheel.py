@@ -107,9 +107,11 @@ def build(platform: Platform, output: Path) -> Path:
     """
     target = platform.rust_target()
     command = [sys.executable, "-m", "maturin", "build", "--release", "--locked", "--target", target, "--out", str(output)]
+    environment = rust_environment(target)
     if platform.system == "linux":
         command += ["--zig", "--compatibility", GLIBC]
-    subprocess.run(command, cwd=ROOT, env=rust_environment(target), check=True)
+        environment["CARGO_ZIGBUILD_PYTHON_PATH"] = sys.executable  # which has ziglang
+    subprocess.run(command, cwd=ROOT, env=environment, check=True)
     # maturin may name older platforms too where nothing newer is used.
     found = sorted(output.glob(f"hush_denoise-*-cp311-abi3-*{platform.tag}*.whl"), key=lambda path: path.stat().st_mtime)
     if not found:
