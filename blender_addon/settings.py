@@ -141,6 +141,12 @@ SETTINGS: dict[str, Setting] = {
         least=None,
         most=None,
     ),
+    "second_pass": Setting(
+        "A second pass over time, which averages each result with those around it and flickers less; a frame then depends on twice the window",
+        default=True,
+        least=None,
+        most=None,
+    ),
     "model": Setting(
         "Other weights, a safetensors file",
         default=None,
