@@ -142,7 +142,7 @@ SETTINGS: dict[str, Setting] = {
         most=None,
     ),
     "second_pass": Setting(
-        "A second pass over time, which averages each result with those around it and flickers less; a frame then depends on twice the window",
+        "A second pass over time, which averages each result with those around it: less flicker, from twice the frames around",
         default=True,
         least=None,
         most=None,

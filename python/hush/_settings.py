@@ -49,8 +49,8 @@ class ShotSettings(TypedDict, total=False):
     """The rules by which work may be left out, of constant, opaque, untrusted, still, or none. Default: constant, opaque,
     untrusted, still."""
     second_pass: bool | None
-    """A second pass over time, which averages each result with those around it and flickers less; a frame then depends on twice the
-    window. Default: true."""
+    """A second pass over time, which averages each result with those around it: less flicker, from twice the frames around.
+    Default: true."""
     model: Path | None
     """Other weights, a safetensors file. Default: in the program."""
     renderer: str | None

@@ -56,9 +56,9 @@ mod tests {
 
     #[test]
     fn the_usual_renderer_is_not_told_apart_from_none() {
-        let with = |renderer| Identity::of(None, renderer, Skip::default(), true).unwrap();
+        let with = |renderer| Identity::of(None, renderer, Skip::default(), false).unwrap();
         assert_eq!(with(Some("Cycles")), with(None));
         assert_eq!(with(Some("Mitsuba")).renderer.as_deref(), Some("mitsuba"));
-        assert_ne!(Identity::of(None, None, Skip::NONE, true).unwrap(), with(None));
+        assert_ne!(Identity::of(None, None, Skip::NONE, false).unwrap(), with(None));
     }
 }

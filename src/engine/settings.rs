@@ -4,7 +4,7 @@ use crate::rules::skip::Skip;
 use crate::simd::Isa;
 
 /// How to denoise.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Settings {
     /// Bytes that the frames in the window and the buffers of one tile may take together; None is 3.1 GiB, and 320 MiB for a tile
     /// in any case. Less memory means more and smaller tiles, and the same bits.
@@ -17,10 +17,4 @@ pub struct Settings {
     pub isa: Option<Isa>,
     /// Threads that compute; None is rayon's pool of all cores. Any number gives the same bits.
     pub threads: Option<usize>,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self { memory: None, skip: Skip::default(), second_pass: true, isa: None, threads: None }
-    }
 }

@@ -69,12 +69,12 @@ pub fn denoise<'py>(
         match DEFAULT.get() {
             Some(engine) => engine,
             None => {
-                let made = engine(py, None, None, None, None, true)?;
+                let made = engine(py, None, None, None, None, false)?;
                 DEFAULT.get_or_init(|| made)
             }
         }
     } else {
-        own = engine(py, model, renderer, memory, threads, true)?;
+        own = engine(py, model, renderer, memory, threads, false)?;
         &own
     };
     let frame = passes.view()?;
@@ -183,7 +183,7 @@ struct Ready {
 #[pymethods]
 impl Denoiser {
     #[new]
-    #[pyo3(signature = (window=2, lam=1.0, *, model=None, renderer=None, memory=None, threads=None, second_pass=true))]
+    #[pyo3(signature = (window=2, lam=1.0, *, model=None, renderer=None, memory=None, threads=None, second_pass=false))]
     #[allow(clippy::too_many_arguments, reason = "keywords in Python")]
     fn new(
         py: Python<'_>,

@@ -170,7 +170,7 @@ mod tests {
     fn settings(said: Value, lambda: f32) -> FrameSettings {
         let said: ShotSettings = serde_json::from_value(said).unwrap();
         let skip = said.skip.as_deref().map_or_else(Skip::default, Skip::of);
-        FrameSettings::new(&said, lambda, 2, Identity::of(None, said.renderer.as_deref(), skip, true).unwrap())
+        FrameSettings::new(&said, lambda, 2, Identity::of(None, said.renderer.as_deref(), skip, false).unwrap())
     }
 
     #[test]

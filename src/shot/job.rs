@@ -176,7 +176,7 @@ impl ShotSettings {
     }
 
     fn wants_second_pass(&self) -> bool {
-        self.second_pass.unwrap_or(true)
+        self.second_pass.unwrap_or_default()
     }
 
     fn rules(&self) -> Skip {
