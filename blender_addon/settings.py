@@ -143,7 +143,7 @@ SETTINGS: dict[str, Setting] = {
     ),
     "second_pass": Setting(
         "A second pass over time, which averages each result with those around it: less flicker, from twice the frames around",
-        default=True,
+        default=False,
         least=None,
         most=None,
     ),

@@ -50,7 +50,7 @@ class ShotSettings(TypedDict, total=False):
     untrusted, still."""
     second_pass: bool | None
     """A second pass over time, which averages each result with those around it: less flicker, from twice the frames around.
-    Default: true."""
+    Default: false."""
     model: Path | None
     """Other weights, a safetensors file. Default: in the program."""
     renderer: str | None
