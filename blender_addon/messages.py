@@ -244,6 +244,7 @@ STALE = {
     "aovs": "Light Passes changed",
     "keep_noisy": "Keep Noisy Image changed",
     "skip": "what is left out changed",
+    "second_pass": "Second Pass changed",
     "model": "this Hush has other weights",
     "renderer": "the renderer changed",
     "several": "several settings changed",

@@ -74,6 +74,7 @@ class RENDER_PT_hush_settings(_HushPanel, bpy.types.Panel):
         masked.active = bool(hush.lambda_pass or hush.lambda_images)
         masked.prop(hush, "lambda_masked", slider=True)
         column.prop(hush, "window")
+        column.prop(hush, "second_pass")
         column.prop(hush, "use_light_passes")
         column.prop(hush, "keep_noisy")
         if len(context.scene.view_layers) > 1:

@@ -96,6 +96,12 @@ class HushShot(bpy.types.PropertyGroup):
         default=SETTINGS["keep_noisy"].default,
         options=set(),
     )
+    second_pass: BoolProperty(
+        name="Second Pass",
+        description=_description("second_pass"),
+        default=SETTINGS["second_pass"].default,
+        options=set(),
+    )
     vector_layer: StringProperty(
         name="Vectors From",
         description=_description("vector_layer", ". Empty: the one that Prepare Shot made, else each layer's own"),

@@ -141,6 +141,12 @@ SETTINGS: dict[str, Setting] = {
         least=None,
         most=None,
     ),
+    "second_pass": Setting(
+        "A second pass over time, which averages each result with those around it: less flicker, from twice the frames around",
+        default=False,
+        least=None,
+        most=None,
+    ),
     "model": Setting(
         "Other weights, a safetensors file",
         default=None,

@@ -138,6 +138,7 @@ def settings(scene: bpy.types.Scene, file: Path | None) -> tuple[dict[str, Any],
         "vector_layer": vectors,
         "aovs": ["all"] if scene.hush.use_light_passes else [],
         "keep_noisy": bool(scene.hush.keep_noisy),
+        "second_pass": bool(scene.hush.second_pass),
         **lambda_mask(scene),
     }
     lacking = {"layers": " and ".join(strange), "there": ", ".join(sorted(there))}

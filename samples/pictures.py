@@ -1,10 +1,11 @@
-"""Makes two pictures of the sample shot, each a crop of one frame, side by side.
+"""Makes the pictures of the sample shot: crops of one frame side by side, and those of a store's page.
 
 pip install numpy OpenEXR pillow
 hush denoise samples/shot -o denoised
 python samples/pictures.py denoised                   # docs/before-after.png: noisy, denoised by Hush, the reference
 hush denoise samples/shot -o mapped --frames 4 --lambda-images "samples/mask/mask_####.exr" --lambda-masked 64
 python samples/pictures.py denoised --mapped mapped   # docs/lambda-map.png: noisy, λ 1, λ 64 on Suzanne alone
+python samples/pictures.py denoised --store release   # release/icon.png and release/featured.png, for extensions.blender.org
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ import OpenEXR
 from PIL import Image, ImageDraw, ImageFont
 
 HERE = Path(__file__).resolve().parent
+SAMPLES = 12  # of each pixel of the sample shot
+ICON = (170, 60, 128)  # column, row and side of the icon's part of the frame
 GAP, BAND = 6, 26  # pixels between the crops, and of the band with their names
 
 
@@ -54,6 +57,41 @@ def picture(frames: list[tuple[str, np.ndarray]], box: tuple[int, int, int, int]
     return sheet
 
 
+def divided(noisy: np.ndarray, denoised: np.ndarray, zoom: int, exposure: float) -> Image.Image:
+    """The noisy frame left of a slanting line, the denoised one right of it, enlarged without smoothing."""
+    height, width = noisy.shape[:2]
+    size = (width * zoom, height * zoom)
+    images = [Image.fromarray(displayed(frame, exposure)).resize(size, Image.Resampling.NEAREST) for frame in (noisy, denoised)]
+    top, bottom = size[0] / 2 + size[1] / 12, size[0] / 2 - size[1] / 12
+    mask = Image.new("L", size, 0)
+    ImageDraw.Draw(mask).polygon([(0, 0), (top, 0), (bottom, size[1]), (0, size[1])], fill=255)
+    whole = Image.composite(images[0], images[1], mask)
+    ImageDraw.Draw(whole).line([(top, 0), (bottom, size[1])], fill=(255, 255, 255), width=max(2, size[1] // 180))
+    return whole
+
+
+def store(noisy: np.ndarray, denoised: np.ndarray, exposure: float, folder: Path) -> None:
+    """The icon, 256 × 256, around Suzanne's face, and the featured image, 1920 × 1080, of the whole frame."""
+    height, width = noisy.shape[:2]
+    featured = divided(noisy, denoised, 1920 // width, exposure)
+    draw = ImageDraw.Draw(featured)
+    for text, x, anchor in ((f"{SAMPLES} samples", 48, "ls"), ("Hush", featured.width - 48, "rs")):
+        draw.text(
+            (x, featured.height - 40),
+            text,
+            fill="white",
+            font=ImageFont.load_default(56),
+            anchor=anchor,
+            stroke_width=3,
+            stroke_fill="black",
+        )
+    x, y, side = ICON
+    icon = divided(noisy[y : y + side, x : x + side], denoised[y : y + side, x : x + side], 256 // side, exposure)
+    for name, image in (("featured.png", featured), ("icon.png", icon)):
+        image.save(folder / name, optimize=True)
+        print(f"{folder / name}: {image.width}×{image.height}, {(folder / name).stat().st_size // 1024} KB")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("denoised", type=Path, help="folder with Hush's frames")
@@ -62,10 +100,13 @@ def main() -> None:
     parser.add_argument("--zoom", type=int, default=2)
     parser.add_argument("--exposure", type=float, default=0.3, help="stops")
     parser.add_argument("--mapped", type=Path, help="folder with Hush's frames under a mask of λ, for the other picture")
+    parser.add_argument("--store", type=Path, metavar="FOLDER", help="make the icon and the featured image there instead")
     parser.add_argument("--output", type=Path, help="docs/before-after.png or docs/lambda-map.png")
     chosen = parser.parse_args()
     name = f"frame_{chosen.frame:04d}.exr"
-    folders = [("Cycles, 12 samples", HERE / "shot")]
+    if chosen.store:
+        return store(combined(HERE / "shot" / name), combined(chosen.denoised / name), chosen.exposure, chosen.store)
+    folders = [(f"Cycles, {SAMPLES} samples", HERE / "shot")]
     if chosen.mapped:
         folders += [("Hush, lambda 1", chosen.denoised), ("Hush, lambda 64 on Suzanne", chosen.mapped)]
     else:

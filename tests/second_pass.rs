@@ -20,7 +20,7 @@ use ndarray::Array3;
 fn shot(numbers: std::ops::RangeInclusive<i64>) -> Shot {
     let mut shot = Shot::new(numbers, Look::default());
     std::fs::write(weights(&shot), SMALL_MODEL).unwrap();
-    shot.engine = Engine::from_file(&weights(&shot), Settings::default()).unwrap();
+    shot.engine = Engine::from_file(&weights(&shot), Settings { second_pass: true, ..Settings::default() }).unwrap();
     assert!(shot.engine.has_second_pass());
     shot
 }
@@ -30,7 +30,7 @@ fn weights(shot: &Shot) -> PathBuf {
 }
 
 fn job(shot: &Shot) -> Job {
-    shot.job().with(|s| s.model = Some(weights(shot)))
+    shot.job().with(|s| (s.model, s.second_pass) = (Some(weights(shot)), Some(true)))
 }
 
 /// The job for some frames of which only some files are there, with an output folder of its own.
@@ -39,7 +39,9 @@ fn part(shot: &Shot, label: &str, frames: &str, files: std::ops::RangeInclusive<
     std::fs::create_dir(&folder).unwrap();
     files.for_each(|n| _ = std::fs::copy(shot.input(n), folder.join(name(n))).unwrap());
     let job = Job::new(Sequence::find(&[folder]).unwrap(), shot.dir.path().join(format!("{label} out")));
-    job.with(|s| (s.model, s.frames) = (Some(weights(shot)), Some(frames.parse().unwrap())))
+    job.with(|s| {
+        (s.model, s.frames, s.second_pass) = (Some(weights(shot)), Some(frames.parse().unwrap()), Some(true));
+    })
 }
 
 /// The bytes of a job's output of a frame.
@@ -178,7 +180,11 @@ fn weights_that_do_not_say_so_have_one_pass() {
     let said = b"\\\"second_pass\\\":1";
     let at = model.windows(said.len()).position(|w| w == said).unwrap();
     model[at + said.len() - 1] = b'0';
-    let engine = Engine::from_weights(&Weights::from_bytes("one pass", &model).unwrap(), Settings::default()).unwrap();
+    let engine = Engine::from_weights(
+        &Weights::from_bytes("one pass", &model).unwrap(),
+        Settings { second_pass: true, ..Settings::default() },
+    )
+    .unwrap();
     assert!(!engine.has_second_pass());
     let frames = encode(&engine, (0..3).map(|t| plain(t, 24, 40)));
     let passes = passes(&engine, &frames, 1);
@@ -189,7 +195,7 @@ fn weights_that_do_not_say_so_have_one_pass() {
 fn threads_tiles_and_what_is_left_out_exactly_change_no_bit() {
     let exact = Skip { constant: false, ..Skip::default() };
     let run = |memory, threads, skip| {
-        let engine = engine(Settings { memory, threads, skip, ..Settings::default() });
+        let engine = engine(Settings { memory, threads, skip, second_pass: true, ..Settings::default() });
         let frames = (0..5).map(|t| {
             let mut frame = full(t, 61, 403);
             // Film that is opaque in some frames only.

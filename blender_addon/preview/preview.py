@@ -72,6 +72,7 @@ def arguments(scene: bpy.types.Scene, view_layer: str, *, flicker: bool = False)
             "lam": shot.lambda_at(scene, frame),
             **shot.lambda_mask(scene),
             "window": shot.window(scene),
+            "second_pass": bool(scene.hush.second_pass),
             "flicker": flicker,
             "layers": [view_layer] if view_layer in layers else layers[:1],
             "vector_layer": shot.vector_layer(scene),

@@ -19,8 +19,8 @@ const JOB_TYPE = {
           description: "Run the scene's compositor over the denoised frames; wants the Hush add-on in Blender" },
         { key: "hush_arguments", type: "string", default: "", visible: "submission",
           description: "More options for hush denoise, such as --lambda 4 --aov all" },
-        { key: "second_pass", type: "bool", default: false, visible: "hidden",
-          description: "The weights have a second pass over time: a task reads twice as many frames beside its own" },
+        { key: "second_pass", type: "bool", default: false, visible: "submission",
+          description: "Average each result with those around it, which flickers less; a task reads twice as many frames beside its own" },
         { key: "hush", type: "string", default: "hush", visible: "hidden",
           description: "The hush program on the workers" },
 
@@ -90,7 +90,7 @@ function authorDenoiseTasks(settings, noisyDir, denoisedDir, renders) {
         const task = author.Task(`denoise-${chunk}`, "misc");
         task.addCommand(author.Command("exec", {
             exe: settings.hush,
-            args: ["denoise", noisyDir, "--output", denoisedDir, "--frames", chunk, "--window", `${settings.window}`, ...more],
+            args: ["denoise", noisyDir, "--output", denoisedDir, "--frames", chunk, "--window", `${settings.window}`, `--second-pass=${settings.second_pass}`, ...more],
         }));
         const wanted = withNeighbours(framesOf(chunk), settings.second_pass ? 2 * settings.window : settings.window);
         for (const render of renders) {

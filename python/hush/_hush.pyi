@@ -70,6 +70,7 @@ class Denoiser:
         renderer: str | None = None,
         memory: int | None = None,
         threads: int | None = None,
+        second_pass: bool = False,
     ) -> Denoiser: ...
     @property
     def window(self) -> int: ...

@@ -48,6 +48,9 @@ class ShotSettings(TypedDict, total=False):
     skip: str | Sequence[str] | None
     """The rules by which work may be left out, of constant, opaque, untrusted, still, or none. Default: constant, opaque,
     untrusted, still."""
+    second_pass: bool | None
+    """A second pass over time, which averages each result with those around it: less flicker, from twice the frames around.
+    Default: false."""
     model: Path | None
     """Other weights, a safetensors file. Default: in the program."""
     renderer: str | None

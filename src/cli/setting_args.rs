@@ -33,11 +33,22 @@ impl Offered for OfPreviews {
 }
 impl Offered for OfSurveys {
     const WITHOUT: &'static [&'static str] =
-        &["enable", "output", "lambda", "lambda_masked", "lambda_pass", "lambda_images", "keep_noisy"];
+        &["enable", "output", "lambda", "lambda_masked", "lambda_pass", "lambda_images", "keep_noisy", "second_pass"];
 }
 impl Offered for OfReports {
-    const WITHOUT: &'static [&'static str] =
-        &["enable", "output", "lambda", "lambda_masked", "lambda_pass", "lambda_images", "window", "aovs", "keep_noisy", "skip"];
+    const WITHOUT: &'static [&'static str] = &[
+        "enable",
+        "output",
+        "lambda",
+        "lambda_masked",
+        "lambda_pass",
+        "lambda_images",
+        "window",
+        "aovs",
+        "keep_noisy",
+        "skip",
+        "second_pass",
+    ];
 }
 impl Offered for OfLayers {
     const WITHOUT: &'static [&'static str] = &["output"];

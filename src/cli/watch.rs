@@ -93,13 +93,17 @@ fn watch_with(args: &WatchArgs, status: &StatusLine, catch_signals: CatchSignals
 /// The job for a sequence, with the settings beside its frames.
 ///
 /// # Errors
-/// They name other weights, another renderer or other rules than the engine has.
+/// They name other weights, another renderer, other rules or another number of passes than the engine has.
 fn job_of(query: &ShotQuery, sequence: Sequence, output: &Path, engine: &Engine) -> Result<Job> {
     let settings = query.settings(Sequence::folder(&[] as &[&Path], &sequence).as_deref())?;
     let (shot, one) = (settings.values.identity()?, engine.identity());
-    for (name, differs) in
-        [("model", shot.model != one.model), ("renderer", shot.renderer != one.renderer), ("skip", shot.skip != one.skip)]
-    {
+    let differ = [
+        ("model", shot.model != one.model),
+        ("renderer", shot.renderer != one.renderer),
+        ("skip", shot.skip != one.skip),
+        ("second_pass", shot.second_pass != one.second_pass),
+    ];
+    for (name, differs) in differ {
         if differs {
             let by = settings.origin(name);
             let reason =

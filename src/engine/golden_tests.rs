@@ -54,7 +54,7 @@ fn engine(isa: Isa, older: bool) -> Engine {
     if older {
         weights.make_older();
     }
-    Engine::from_weights(&weights, Settings { isa: Some(isa), ..Settings::default() }).unwrap()
+    Engine::from_weights(&weights, Settings { isa: Some(isa), second_pass: true, ..Settings::default() }).unwrap()
 }
 
 /// Compares (rows, columns, channels) with PyTorch's (channels, rows, columns).

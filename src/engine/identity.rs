@@ -26,14 +26,17 @@ pub struct Identity {
 }
 
 impl Identity {
-    /// That of an engine with these weights (None: the embedded ones), for this renderer, before there is one.
+    /// That of an engine with these weights (None: the embedded ones), for this renderer, before there is one. `second_pass`: whether one is
+    /// to follow, where the weights have it.
     ///
     /// # Errors
     /// [`Error::Io`](crate::Error::Io) where the weights cannot be read.
-    pub fn of(model: Option<&Path>, renderer: Option<&str>, skip: Skip) -> Result<Self> {
-        let Some(path) = model else { return Ok(Self::new(ModelId::embedded(), renderer, skip, embedded_second_pass())) };
+    pub fn of(model: Option<&Path>, renderer: Option<&str>, skip: Skip, second_pass: bool) -> Result<Self> {
+        let Some(path) = model else {
+            return Ok(Self::new(ModelId::embedded(), renderer, skip, second_pass && embedded_second_pass()));
+        };
         let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
-        Ok(Self::new(ModelId::of_bytes(path, &bytes), renderer, skip, has_second_pass(&bytes)))
+        Ok(Self::new(ModelId::of_bytes(path, &bytes), renderer, skip, second_pass && has_second_pass(&bytes)))
     }
 
     pub(super) fn new(model: ModelId, renderer: Option<&str>, skip: Skip, second_pass: bool) -> Self {
@@ -53,9 +56,9 @@ mod tests {
 
     #[test]
     fn the_usual_renderer_is_not_told_apart_from_none() {
-        let with = |renderer| Identity::of(None, renderer, Skip::default()).unwrap();
+        let with = |renderer| Identity::of(None, renderer, Skip::default(), false).unwrap();
         assert_eq!(with(Some("Cycles")), with(None));
         assert_eq!(with(Some("Mitsuba")).renderer.as_deref(), Some("mitsuba"));
-        assert_ne!(Identity::of(None, None, Skip::NONE).unwrap(), with(None));
+        assert_ne!(Identity::of(None, None, Skip::NONE, false).unwrap(), with(None));
     }
 }

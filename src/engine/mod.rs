@@ -123,13 +123,14 @@ impl Engine {
     /// [`Weights::for_renderer`] chose. Errors name the tensor that is missing or misshapen, or a setting out of its range.
     pub fn from_weights(weights: &Weights, settings: Settings) -> Result<Self> {
         let a = &weights.architecture;
+        let second_pass = a.second_pass > 0 && settings.second_pass;
         let bad_threads = |e: rayon::ThreadPoolBuildError| Error::BadSetting { name: "threads", reason: e.to_string() };
         let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(bad_threads);
         Ok(Self {
             pool: settings.threads.map(pool).transpose()?,
             buffers: BufferPool::default(),
             isa: settings.isa.unwrap_or_else(Isa::detect),
-            identity: Identity::new(weights.id.clone(), weights.renderer.as_deref(), settings.skip, a.second_pass > 0),
+            identity: Identity::new(weights.id.clone(), weights.renderer.as_deref(), settings.skip, second_pass),
             settings,
             encoder: Encoder::new(weights)?,
             temporal: Temporal::new(weights)?,
@@ -182,7 +183,7 @@ impl Engine {
         }
     }
 
-    /// Denoises `centre` in one pass; with weights that have a [second one](Self::has_second_pass) the results of the frames around
+    /// Denoises `centre` in one pass; where a [second one](Self::has_second_pass) follows the results of the frames around
     /// can then be averaged: [`first_pass`](Self::first_pass) and [`second_pass`](Self::second_pass).
     ///
     /// `neighbours` are (offset, frame) with offset −3…3 except 0, in any order; a neighbour farther than one frame needs those
@@ -238,7 +239,7 @@ impl Engine {
         listener: Listener<'_>,
     ) -> Result<(FirstPass, LeftOut)> {
         let dial = self.checked(lambda.into(), centre, neighbours)?;
-        Ok(self.in_pool(|| self.run(&self.work(centre, neighbours, self.settings.skip).then_second(), dial, listener)))
+        Ok(self.in_pool(|| self.run(&self.then_second(self.work(centre, neighbours, self.settings.skip)), dial, listener)))
     }
 
     /// The dial in its range, for frames that this engine encoded.

@@ -23,14 +23,14 @@ impl<'a> Around<'a> {
 }
 
 impl Engine {
-    /// Whether the weights have a second pass over time.
+    /// Whether a second pass over time follows: the weights have one, and the settings want it.
     pub fn has_second_pass(&self) -> bool {
-        self.predictor.second_pass
+        self.identity.second_pass
     }
 
     /// Averages a frame's result with those of `neighbours`, (offset, frame) in any order, each after its own first pass. Frames that did
-    /// not help in the first pass are left out, as are those behind a frame that is not given. Where there is none, or the weights
-    /// have no second pass, the result is the first pass's, bit by bit.
+    /// not help in the first pass are left out, as are those behind a frame that is not given. Where there is none, or no second pass
+    /// is to follow, the result is the first pass's, bit by bit.
     pub fn second_pass(&self, centre: &FirstPass, neighbours: &[(i32, &FirstPass)]) -> Denoised {
         self.in_pool(|| self.average(centre, neighbours))
     }

@@ -84,7 +84,7 @@ impl Engine {
             gathered: &gathered,
             tile,
             widths: self.widths,
-            second: (self.predictor.second_pass && work.second).then(|| Codes::half(dial, region)),
+            second: work.second.then(|| Codes::half(dial, region)),
         };
         let coarse = self.clock.time(Stage::Coarse, || levels.coarse());
         steps.reached(Mark::COARSE);
@@ -95,7 +95,7 @@ impl Engine {
 
     #[cfg(test)]
     pub(super) fn stages(&self, centre: &super::EncodedFrame, neighbours: &[(i32, &super::EncodedFrame)], dial: Dial) -> Stages {
-        let work = self.work(centre, neighbours, self.settings.skip).then_second();
+        let work = self.then_second(self.work(centre, neighbours, self.settings.skip));
         let whole = crate::tiles::Rect {
             row: 0,
             column: 0,

@@ -27,17 +27,12 @@ pub(super) struct FrameWork<'a> {
     /// In half-resolution pixels; the rest keeps its own pixels.
     parts: Vec<Rect>,
     pub skip: Skip,
-    /// Whether the second pass is to follow, where the weights have one.
+    /// Whether the second pass is to follow.
     pub second: bool,
     left_out: LeftOut,
 }
 
 impl FrameWork<'_> {
-    /// With a second pass to follow.
-    pub fn then_second(self) -> Self {
-        Self { second: true, ..self }
-    }
-
     /// Bytes that the frames of the window hold.
     pub fn window_bytes(&self) -> usize {
         self.paths.iter().map(|p| p.neighbour().bytes()).sum::<usize>() + self.centre.bytes()
@@ -84,6 +79,11 @@ impl Engine {
         FrameWork { centre, paths, channels, parts, skip, second: false, left_out }
     }
 
+    /// With the second pass to follow, where there is one.
+    pub(super) fn then_second<'a>(&self, work: FrameWork<'a>) -> FrameWork<'a> {
+        FrameWork { second: self.has_second_pass(), ..work }
+    }
+
     pub(super) fn run(&self, work: &FrameWork, dial: Dial, listener: Listener<'_>) -> (FirstPass, LeftOut) {
         let FrameWork { centre, paths, channels, .. } = work;
         let packed = &centre.packed;
@@ -94,7 +94,7 @@ impl Engine {
         let offsets: Vec<i32> = paths.iter().map(|path| path.offset).collect();
         let made = |image| {
             let made = FirstPass::new(image, centre, *channels);
-            if self.predictor.second_pass && work.second { made.kept(centre, offsets.clone()) } else { made }
+            if work.second { made.kept(centre, offsets.clone()) } else { made }
         };
         let covered = tiles.iter().map(|t| t.core.area()).sum::<usize>() == half_rows * half_columns;
         if let ([whole], true) = (&tiles[..], covered) {
@@ -124,7 +124,7 @@ impl Engine {
     pub(super) fn tiles(&self, work: &FrameWork) -> (Vec<Tile>, usize) {
         let packed = &work.centre.packed;
         let (half_rows, half_columns) = (packed.padded_rows / 2, packed.padded_columns / 2);
-        let held = work.window_bytes() + if self.predictor.second_pass && work.second { work.kept_bytes() } else { 0 };
+        let held = work.window_bytes() + if work.second { work.kept_bytes() } else { 0 };
         let left = |allowed: u64| allowed.saturating_sub(held as u64).min(TILE_MEMORY.1);
         let tile = self.settings.memory.map_or(left(MEMORY).max(TILE_MEMORY.0), left) as usize;
         let area = tile / self.bytes_per_pixel(&work.channels, work.paths.len());

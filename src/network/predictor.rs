@@ -79,8 +79,6 @@ pub struct Predictor {
     pub taps: TapCounts,
     /// Levels on which the albedo has kernels.
     pub albedo_levels: usize,
-    /// Whether the neighbours have logits of a second pass.
-    pub second_pass: bool,
 }
 
 impl Predictor {
@@ -149,9 +147,8 @@ impl Predictor {
             ];
             coarse.push(head("eighth", a.eighth, of_eighth, none())?);
         }
-        let second_pass = a.second_pass > 0;
         let full = head("half", a.half, of_full, whole("pair_second_head", a.second_pass * 2 * SECOND))?;
-        Ok(Self { full, coarse, taps, albedo_levels: a.albedo_levels, second_pass })
+        Ok(Self { full, coarse, taps, albedo_levels: a.albedo_levels })
     }
 }
 

@@ -69,12 +69,12 @@ pub fn denoise<'py>(
         match DEFAULT.get() {
             Some(engine) => engine,
             None => {
-                let made = engine(py, None, None, None, None)?;
+                let made = engine(py, None, None, None, None, false)?;
                 DEFAULT.get_or_init(|| made)
             }
         }
     } else {
-        own = engine(py, model, renderer, memory, threads)?;
+        own = engine(py, model, renderer, memory, threads, false)?;
         &own
     };
     let frame = passes.view()?;
@@ -121,8 +121,8 @@ impl Denoised {
 
 /// Denoises the frames of a shot as they come, each with the help of those around it.
 ///
-/// Give every frame to `push`, in order; each comes back once as many frames as the window is wide follow it, twice as many with weights
-/// that have a second pass over time. `flush` gives the rest at the end of the shot or at a cut. The results have the same bits as those
+/// Give every frame to `push`, in order; each comes back once as many frames as the window is wide follow it, twice as many with a second
+/// pass over time. `flush` gives the rest at the end of the shot or at a cut. The results have the same bits as those
 /// of `denoise_sequence` over the same frames.
 ///
 /// A neighbour helps where it has color's size and the same light passes, and where every frame from the one to be denoised to it came
@@ -135,6 +135,7 @@ impl Denoised {
 ///     renderer: What made the frames, one that the weights have an encoder for: "cycles" or "mitsuba"; None for the first, Cycles.
 ///     memory: Bytes for the frames in the window and the computing; None for 3.1 GiB. Less is slower and gives the same bits.
 ///     threads: Threads, 1 to 4096; None for all cores. Any number gives the same bits.
+///     second_pass: Average each result with those around it, which flickers less; where the weights have a second pass over time.
 ///
 /// Raises:
 ///     ValueError: A setting out of range.
@@ -182,7 +183,8 @@ struct Ready {
 #[pymethods]
 impl Denoiser {
     #[new]
-    #[pyo3(signature = (window=2, lam=1.0, *, model=None, renderer=None, memory=None, threads=None))]
+    #[pyo3(signature = (window=2, lam=1.0, *, model=None, renderer=None, memory=None, threads=None, second_pass=false))]
+    #[allow(clippy::too_many_arguments, reason = "keywords in Python")]
     fn new(
         py: Python<'_>,
         window: i64,
@@ -191,9 +193,11 @@ impl Denoiser {
         renderer: Option<&str>,
         memory: Option<i64>,
         threads: Option<i64>,
+        second_pass: bool,
     ) -> PyResult<Self> {
         let (window, lam) = (check_window(window)?, check_lam(lam)?);
-        Ok(Self { engine: engine(py, model, renderer, memory, threads)?, window, lam, state: Mutex::default() })
+        let engine = engine(py, model, renderer, memory, threads, second_pass)?;
+        Ok(Self { engine, window, lam, state: Mutex::default() })
     }
 
     /// Takes the next frame.

@@ -35,8 +35,10 @@ pub fn engine(
     renderer: Option<&str>,
     memory: Option<i64>,
     threads: Option<i64>,
+    second_pass: bool,
 ) -> PyResult<Engine> {
-    let mut settings = ShotSettings { model, renderer: renderer.map(str::to_owned), ..ShotSettings::default() };
+    let renderer = renderer.map(str::to_owned);
+    let mut settings = ShotSettings { model, renderer, second_pass: Some(second_pass), ..ShotSettings::default() };
     for (name, value) in [("memory", memory), ("threads", threads)] {
         value.map(|value| say(&mut settings, name, value)).transpose()?;
     }

@@ -106,6 +106,9 @@ settings! {
         default: "constant, opaque, untrusted, still",
     }
 
+    /// A second pass over time, which averages each result with those around it: less flicker, from twice the frames around.
+    second_pass: bool { kind: Kind::Flag, effect: Engine, usd: "hush:secondPass", option: "--second-pass", default: "false" }
+
     /// Other weights, a safetensors file.
     model: PathBuf { kind: Kind::Path, effect: Engine, usd: "hush:model", option: "--model", argument: "FILE", default: "in the program" }
 

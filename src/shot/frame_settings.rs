@@ -78,6 +78,7 @@ impl FrameSettings {
             "model" => hash.as_ref().map_or(name.clone(), |hash| format!("{name} ({hash})")).into(),
             "renderer" => json!(self.engine.renderer),
             "skip" => json!(self.engine.skip),
+            "second_pass" => json!(self.engine.second_pass),
             other => self.others.get(other).cloned().unwrap_or_default(),
         };
         if said.is_null() { setting.default.to_owned() } else { in_words(&said) }
@@ -169,7 +170,7 @@ mod tests {
     fn settings(said: Value, lambda: f32) -> FrameSettings {
         let said: ShotSettings = serde_json::from_value(said).unwrap();
         let skip = said.skip.as_deref().map_or_else(Skip::default, Skip::of);
-        FrameSettings::new(&said, lambda, 2, Identity::of(None, said.renderer.as_deref(), skip).unwrap())
+        FrameSettings::new(&said, lambda, 2, Identity::of(None, said.renderer.as_deref(), skip, false).unwrap())
     }
 
     #[test]

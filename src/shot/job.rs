@@ -157,7 +157,13 @@ impl ShotSettings {
     /// # Errors
     /// Weights that cannot be read or used, too little memory.
     pub fn engine(&self) -> Result<Engine> {
-        let settings = Settings { memory: self.memory, threads: self.threads, skip: self.rules(), ..Settings::default() };
+        let settings = Settings {
+            memory: self.memory,
+            threads: self.threads,
+            skip: self.rules(),
+            second_pass: self.wants_second_pass(),
+            ..Settings::default()
+        };
         Engine::from_weights(&Weights::open(self.model.as_deref(), self.renderer.as_deref())?, settings)
     }
 
@@ -166,7 +172,11 @@ impl ShotSettings {
     /// # Errors
     /// Weights that cannot be read.
     pub fn identity(&self) -> Result<Identity> {
-        Identity::of(self.model.as_deref(), self.renderer.as_deref(), self.rules())
+        Identity::of(self.model.as_deref(), self.renderer.as_deref(), self.rules(), self.wants_second_pass())
+    }
+
+    fn wants_second_pass(&self) -> bool {
+        self.second_pass.unwrap_or_default()
     }
 
     fn rules(&self) -> Skip {

@@ -19,14 +19,14 @@ use crate::rules::window::{Availability, WindowFrame, neighbours};
 /// The frames whose first pass is to be done, ascending: those to do, and where a second pass follows those that it takes.
 pub(super) fn first_passes(plan: &Plan, cache: &WindowCache) -> Vec<i64> {
     let reach = plan.settings.second_reach();
-    let is_failed = |n: i64| plan.frames.iter().any(|f| f.frame == n && matches!(f.action, Action::Fail(_)));
+    let failed: BTreeSet<i64> = plan.frames.iter().filter(|f| matches!(f.action, Action::Fail(_))).map(|f| f.frame).collect();
     let targets = plan.frames.iter().filter(|f| matches!(f.action, Action::Denoise(_)));
     let with_neighbours = |f: &PlannedFrame| {
         let taken = f.neighbours.iter().filter(|n| n.unused.is_none() && n.offset.unsigned_abs() as usize <= reach);
         taken.map(|n| n.number).chain([f.frame]).collect::<Vec<i64>>()
     };
     let all: BTreeSet<i64> = targets.flat_map(with_neighbours).collect();
-    all.into_iter().filter(|n| !cache.made.contains_key(n) && !is_failed(*n)).collect()
+    all.into_iter().filter(|n| !cache.made.contains_key(n) && !failed.contains(n)).collect()
 }
 
 /// The frames to decode for some first passes: they and the neighbours that they use, ascending, without those that are there.
@@ -37,6 +37,11 @@ pub(super) fn decode_order(plan: &Plan, passes: &[i64], there: &BTreeMap<i64, Sl
     };
     let all: BTreeSet<i64> = passes.iter().flat_map(|n| window(*n)).collect();
     all.into_iter().filter(|n| !there.contains_key(n)).collect()
+}
+
+/// What is kept of the frames of a window that are used, by offset.
+fn used<'a, T>(window: &[WindowFrame], kept: &'a BTreeMap<i64, T>) -> Vec<(i32, &'a T)> {
+    window.iter().filter(|n| n.unused.is_none()).filter_map(|n| Some((n.offset, kept.get(&n.number)?))).collect()
 }
 
 impl Run<'_> {
@@ -80,9 +85,7 @@ impl Run<'_> {
         let Some(centre) = self.cache.ring.get(&number) else { return };
         let began = Instant::now();
         let window = self.window(number, self.plan.settings.window);
-        let used = window.iter().filter(|n| n.unused.is_none());
-        let around: Vec<(i32, &Slot)> =
-            used.filter_map(|n| self.cache.ring.get(&n.number).map(|slot| (n.offset, slot))).collect();
+        let around = used(&window, &self.cache.ring);
         let dial = FrameDial::of(self.job, number);
         let image = engine.in_pool(|| LambdaImage::read(self.plan, number, dial.lambda_image.as_deref())).transpose();
         let result = image.and_then(|image| {
@@ -120,9 +123,7 @@ impl Run<'_> {
             return Some((made.views.into_iter().map(FirstPass::denoised).collect(), made.seconds));
         }
         let made = self.cache.made.get(&target)?;
-        let used = window.iter().filter(|n| n.unused.is_none());
-        let around: Vec<(i32, &Made)> =
-            used.filter_map(|n| self.cache.made.get(&n.number).map(|made| (n.offset, made))).collect();
+        let around = used(window, &self.cache.made);
         let view = |(index, centre): (usize, &FirstPass)| {
             let near: Vec<(i32, &FirstPass)> =
                 around.iter().filter_map(|(offset, made)| Some((*offset, made.views.get(index)?))).collect();

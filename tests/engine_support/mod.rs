@@ -12,13 +12,20 @@ pub const SMALL_MODEL: &[u8] = include_bytes!("../data/golden_model.safetensors"
 
 /// The small network.
 pub fn small_with(isa: Option<Isa>, memory: Option<u64>) -> Engine {
-    Engine::from_weights(&Weights::from_bytes("golden", SMALL_MODEL).unwrap(), Settings { isa, memory, ..Settings::default() })
-        .unwrap()
+    Engine::from_weights(
+        &Weights::from_bytes("golden", SMALL_MODEL).unwrap(),
+        Settings { isa, memory, second_pass: true, ..Settings::default() },
+    )
+    .unwrap()
 }
 
 /// The small network that leaves out what `skip` says.
 pub fn small_skipping(skip: Skip) -> Engine {
-    Engine::from_weights(&Weights::from_bytes("golden", SMALL_MODEL).unwrap(), Settings { skip, ..Settings::default() }).unwrap()
+    Engine::from_weights(
+        &Weights::from_bytes("golden", SMALL_MODEL).unwrap(),
+        Settings { skip, second_pass: true, ..Settings::default() },
+    )
+    .unwrap()
 }
 
 /// The small network with default settings.

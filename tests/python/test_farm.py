@@ -150,6 +150,7 @@ def compile_job(**settings: str | int | bool) -> dict[str, Task]:
 
 def test_flamenco_denoises_after_the_frames_that_help() -> None:
     tasks = compile_job(chunk_size=2, denoise_chunk_size=4, window=1)
+    assert "--second-pass=false" in tasks["denoise-5-8"].commands[0]["parameters"]["args"]
     assert [name for name in tasks if name.startswith("render-")] == [f"render-{a}-{a + 1}" for a in range(1, 12, 2)]
     assert tasks["denoise-5-8"].dependencies == ["render-3-4", "render-5-6", "render-7-8", "render-9-10"]
     assert tasks["denoise-1-4"].dependencies == ["render-1-2", "render-3-4", "render-5-6"]

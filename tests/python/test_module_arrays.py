@@ -289,14 +289,15 @@ def test_light_passes_come_along(frame: Passes) -> None:
         denoiser.push(**frame, aovs={1: direct})  # type: ignore[dict-item]
 
 
+@pytest.mark.parametrize("second_pass", [False, True])
 @pytest.mark.parametrize("window", range(hush.MAX_WINDOW + 1))
-def test_a_denoiser_has_the_bits_of_the_files(tmp_path: Path, window: int) -> None:
+def test_a_denoiser_has_the_bits_of_the_files(tmp_path: Path, window: int, second_pass: bool) -> None:
     count = 6
     shot = write_shot(tmp_path / "shot", count)
     keys = {1: 1.0, 5: 9.0}
-    done = hush.denoise_sequence(shot, tmp_path / "out", window=window, lam=keys)
+    done = hush.denoise_sequence(shot, tmp_path / "out", window=window, lam=keys, second_pass=second_pass)
     assert done["written"] == count
-    denoiser = hush.Denoiser(window=window)
+    denoiser = hush.Denoiser(window=window, second_pass=second_pass)
     results = []
     for number in range(1, count + 1):
         results += denoiser.push(**passes(number), lam=min(1 + 2.0 * (number - 1), 9), tag=number)

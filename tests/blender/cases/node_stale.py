@@ -60,6 +60,7 @@ def test_settings_that_change() -> None:
         "window": ("1", "Window"),
         "use_light_passes": (True, "Light Passes"),
         "keep_noisy": (True, "Keep Noisy Image"),
+        "second_pass": (True, "Second Pass"),
     }
     shot, scene, tree = prepared("settings")
     for name, (value, words) in changes.items():

@@ -134,6 +134,7 @@ def test_status_tells_what_changed() -> None:
         ("window", "1", "the Window changed"),
         ("use_light_passes", True, "Light Passes changed"),
         ("keep_noisy", True, "Keep Noisy Image changed"),
+        ("second_pass", True, "Second Pass changed"),
     ):
         before = getattr(scene.hush, name)
         setattr(scene.hush, name, value)
