@@ -66,13 +66,15 @@ def instruction_sets() -> list[str]:
 
 @dataclass
 class Wheels:
-    """The wheels of a release, each built once."""
+    """The wheels of a release, each built once, or taken from the folder `HUSH_TEST_WHEELS`."""
 
     built: dict[str, Path] = field(default_factory=dict)
 
     def of(self, tag: str) -> Path:
         """The wheel of a platform."""
-        if tag not in self.built:
+        if tag not in self.built and (ready := os.environ.get("HUSH_TEST_WHEELS")):
+            (self.built[tag],) = Path(ready).resolve().glob(f"hush_denoise-*-{tag}.whl")
+        elif tag not in self.built:
             self.built[tag] = release.build(release.PLATFORMS[tag], TARGET / "wheels")
         return self.built[tag]
 

@@ -1,14 +1,15 @@
-"""The Linux wheels: for glibc 2.28 and every Python from 3.11 on, and the x86-64 one installed and run."""
+"""The Linux wheels: for glibc 2.28 and every Python from 3.11 on, and the x86-64 one installed and run, with the bits of a plain build."""
 
 from __future__ import annotations
 
+import os
 import sys
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from conftest import SHOT, Result, Wheels, command, instruction_sets, pixels, succeeded
+from conftest import SHOT, TARGET, Result, Wheels, command, instruction_sets, pixels, succeeded
 
 MACHINES = {"manylinux_2_28_x86_64": 62, "manylinux_2_28_aarch64": 183}  # e_machine
 LARGEST = 15_000_000
@@ -40,7 +41,16 @@ def test_auditwheel_agrees(wheels: Wheels, tag: str) -> None:
     assert consistent.startswith("manylinux_") and version <= (2, 28), said
 
 
+@pytest.fixture(scope="module")
+def plain_hush() -> Path:
+    """The program as `cargo install` makes it, with this machine's linker and glibc."""
+    succeeded(command("cargo", "build", "--release", "--locked", env={**os.environ, "CARGO_TARGET_DIR": str(TARGET)}))
+    return TARGET / "release" / "hush"
+
+
 @pytest.mark.parametrize("simd", instruction_sets())
-def test_the_wheel_denoises_the_sample_shot(linux_hush: Callable[..., Result], tmp_path: Path, simd: str) -> None:
-    succeeded(linux_hush("denoise", SHOT, "--output", tmp_path / "out", HUSH_SIMD=simd))
-    assert pixels(tmp_path / "out").keys() == pixels(SHOT).keys()
+def test_the_wheel_has_the_bits_of_a_plain_build(linux_hush: Callable[..., Result], plain_hush: Path, tmp_path: Path, simd: str) -> None:
+    succeeded(linux_hush("denoise", SHOT, "--output", tmp_path / "wheel", HUSH_SIMD=simd))
+    succeeded(command(plain_hush, "denoise", SHOT, "--output", tmp_path / "plain", env={**os.environ, "HUSH_SIMD": simd}))
+    assert pixels(tmp_path / "wheel").keys() == pixels(SHOT).keys()
+    assert pixels(tmp_path / "wheel") == pixels(tmp_path / "plain")
