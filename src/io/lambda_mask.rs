@@ -94,10 +94,10 @@ mod tests {
 
     #[test]
     fn an_image_for_each_frame_or_one_for_all() {
-        let path = |pattern: &str, number| LambdaImages::new(pattern).path(number).to_string_lossy().into_owned();
-        assert_eq!(path("masks/m_####.exr", 7), "masks/m_0007.exr");
-        assert_eq!(path("masks/m_%03d_x.exr", 12345), "masks/m_12345_x.exr");
-        assert_eq!(path("m_####.exr", -7), "m_-007.exr");
-        assert_eq!(path("masks/still.exr", 7), "masks/still.exr");
+        let path = |pattern: &str, number| LambdaImages::new(pattern).path(number);
+        assert_eq!(path("masks/m_####.exr", 7), Path::new("masks/m_0007.exr"));
+        assert_eq!(path("masks/m_%03d_x.exr", 12345), Path::new("masks/m_12345_x.exr"));
+        assert_eq!(path("m_####.exr", -7), Path::new("m_-007.exr"));
+        assert_eq!(path("masks/still.exr", 7), Path::new("masks/still.exr"));
     }
 }

@@ -45,7 +45,20 @@ pub(crate) fn is_fused(isa: Isa) -> bool {
 
 /// a·b + c, rounded as `isa` rounds it.
 pub(crate) fn scalar_fma(isa: Isa, a: f32, b: f32, c: f32) -> f32 {
-    if is_fused(isa) { a.mul_add(b, c) } else { a * b + c }
+    if is_fused(isa) { fused(a, b, c) } else { a * b + c }
+}
+
+/// a·b + c rounded once, which not every C library's `fmaf` does: the sum in f64, rounded to odd, so that rounding it again is harmless.
+fn fused(a: f32, b: f32, c: f32) -> f32 {
+    let (product, c) = (f64::from(a) * f64::from(b), f64::from(c));
+    let sum = product + c;
+    let of_c = sum - product;
+    let lost = (product - (sum - of_c)) + (c - of_c);
+    if !sum.is_finite() || lost == 0.0 || sum.to_bits() & 1 == 1 {
+        return sum as f32;
+    }
+    let bits = if (lost > 0.0) == (sum > 0.0) { sum.to_bits() + 1 } else { sum.to_bits() - 1 };
+    f64::from_bits(bits) as f32
 }
 
 /// An operation of up to three vectors.

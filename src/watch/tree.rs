@@ -206,9 +206,17 @@ mod tests {
         dir
     }
 
+    /// A path with the same separators on every system.
+    fn with_slashes(path: &impl std::fmt::Display) -> String {
+        path.to_string().replace(std::path::MAIN_SEPARATOR, "/")
+    }
+
     fn names(found: &Scan) -> Vec<String> {
-        let mut names: Vec<String> =
-            found.frames.iter().map(|(p, _)| p.key.folder.join(p.key.file(p.number, p.digits)).display().to_string()).collect();
+        let mut names: Vec<String> = found
+            .frames
+            .iter()
+            .map(|(p, _)| with_slashes(&p.key.folder.join(p.key.file(p.number, p.digits)).display()))
+            .collect();
         names.sort();
         names
     }
@@ -237,7 +245,7 @@ mod tests {
         assert_eq!(names(&tree.scan(&tree.input.join("a"))), ["a/b/s-12.exr"]);
         assert!(names(&tree.scan(&tree.input.join("out"))).is_empty() && names(&tree.scan(dir.path())).is_empty());
         let frame = tree.frame_of(&dir.path().join("in/a/b/s-12.exr")).unwrap();
-        assert_eq!((frame.key.name(frame.digits), frame.number), ("a/b/s-##.exr".into(), 12));
+        assert_eq!((with_slashes(&frame.key.name(frame.digits)), frame.number), ("a/b/s-##.exr".into(), 12));
         assert_eq!(tree.output(&frame.key), dir.path().join("in/out/a/b"));
     }
 
