@@ -64,10 +64,21 @@ impl Dense {
                     };
                 }
                 for (x, w) in x.chunks_exact(SEGMENT).zip(weight.chunks_exact(BLOCK)) {
-                    let (x0, x1) = (s.load(x, 0), s.load(x, LANES));
-                    for (sum, w) in sums.iter_mut().zip(&w[part..part + T]) {
-                        let w = s.splat(*w);
-                        *sum = [s.fma(w, x0, sum[0]), s.fma(w, x1, sum[1])];
+                    let weights = &w[part..part + T];
+                    if S::REGISTERS >= 32 {
+                        let (x0, x1) = (s.load(x, 0), s.load(x, LANES));
+                        for (sum, w) in sums.iter_mut().zip(weights) {
+                            let w = s.splat(*w);
+                            *sum = [s.fma(w, x0, sum[0]), s.fma(w, x1, sum[1])];
+                        }
+                    } else {
+                        // One half of the inputs at a time beside six sums: both would not fit.
+                        for half in 0..2 {
+                            let x = s.load(x, LANES * half);
+                            for (sum, w) in sums.iter_mut().zip(weights) {
+                                sum[half] = s.fma(s.splat(*w), x, sum[half]);
+                            }
+                        }
                     }
                 }
                 for (t, sum) in sums.iter().enumerate() {

@@ -9,9 +9,8 @@
 //!
 //! # Adding an instruction set
 //! One file like `avx2.rs`: a token type and its `impl Simd`, whose `detect` makes the token only where the CPU has the instructions.
-//! Then one line in the table of `isa.rs`, as `Neon = "neon": super::neon::Neon, target_arch = "aarch64";` (with
-//! `V = [float32x4_t; 4]` and `REGISTERS = 8`), and the module here. The conformance suites of this room and of `layers` run it from
-//! then on.
+//! Then one line in the table of `isa.rs` and the module here. The conformance suites of this room and of `layers` run it from then
+//! on.
 //!
 //! # Adding an element type
 //! One file like `element.rs` holds: `impl Element` with a `load` that widens to f32 lanes. Where a back end has an instruction for
@@ -28,6 +27,8 @@ mod vector;
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+#[cfg(target_arch = "aarch64")]
+mod neon;
 
 #[cfg(test)]
 pub(crate) mod conformance;
