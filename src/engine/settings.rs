@@ -11,7 +11,7 @@ pub struct Settings {
     pub memory: Option<u64>,
     /// What may be left out.
     pub skip: Skip,
-    /// The instruction set; None is the fastest. AVX2 and AVX-512 give the same bits, the portable path agrees to 1e-4.
+    /// The instruction set; None is the fastest. AVX2, AVX-512 and NEON give the same bits, the portable path agrees to 1e-4.
     pub isa: Option<Isa>,
     /// Threads that compute; None is rayon's pool of all cores. Any number gives the same bits.
     pub threads: Option<usize>,

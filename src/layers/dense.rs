@@ -72,7 +72,7 @@ impl Dense {
                             *sum = [s.fma(w, x0, sum[0]), s.fma(w, x1, sum[1])];
                         }
                     } else {
-                        // One half of the inputs at a time beside six sums: both would not fit.
+                        // One half of the inputs at a time: both would not fit beside the sums.
                         for half in 0..2 {
                             let x = s.load(x, LANES * half);
                             for (sum, w) in sums.iter_mut().zip(weights) {

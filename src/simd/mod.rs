@@ -4,8 +4,8 @@
 //! safe to call. [`Isa`] detects them, and [`Isa::run`] is the one place where a token is made and a loop, a [`SimdOp`], is entered
 //! compiled for its instructions; `dispatch!` writes the `SimdOp` of a plain function.
 //!
-//! All operations round alike on AVX-512 and AVX2. The portable path has no fused multiply-add unless the target has, and agrees to
-//! a few units in the last place. `conformance` holds every back end to that.
+//! All operations round alike on AVX-512, AVX2 and NEON. The portable path has no fused multiply-add unless the target has, and
+//! agrees to a few units in the last place. `conformance` holds every back end to that.
 //!
 //! # Adding an instruction set
 //! One file like `avx2.rs`: a token type and its `impl Simd`, whose `detect` makes the token only where the CPU has the instructions.
