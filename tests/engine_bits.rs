@@ -185,4 +185,7 @@ fn instruction_sets_agree() {
     if available.contains(&Isa::Avx512) {
         assert_same("AVX2 and AVX-512", &on(Isa::Avx2), &on(Isa::Avx512));
     }
+    if available.contains(&Isa::Neon) {
+        assert_same("the portable path, which has FMA there, and NEON", &portable, &on(Isa::Neon));
+    }
 }

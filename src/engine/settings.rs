@@ -13,7 +13,7 @@ pub struct Settings {
     pub skip: Skip,
     /// Whether a second pass over time follows, where the weights have one.
     pub second_pass: bool,
-    /// The instruction set; None is the fastest. AVX2 and AVX-512 give the same bits, the portable path agrees to 1e-4.
+    /// The instruction set; None is the fastest. AVX2, AVX-512 and NEON give the same bits, the portable path agrees to 1e-4.
     pub isa: Option<Isa>,
     /// Threads that compute; None is rayon's pool of all cores. Any number gives the same bits.
     pub threads: Option<usize>,

@@ -21,7 +21,7 @@ thread_local! {
 /// A convolution with padding k / 2 (zeros outside), as PyTorch's `Conv2d(ci, co, k, stride, padding=k // 2)`.
 ///
 /// Each output value is bias, then ky, kx, ci in that order, one FMA each, so results are bit-equal for any thread count,
-/// split into rows, and position of the pixel, and between AVX2 and AVX-512. `Isa::Portable` is bit-equal to them where the
+/// split into rows, and position of the pixel, and between AVX2, AVX-512 and NEON. `Isa::Portable` is bit-equal to them where the
 /// compile target has FMA (aarch64); elsewhere it rounds products too and stays within 1e-5 of the sum of the products' magnitudes.
 pub struct Conv {
     weights: Buffer,

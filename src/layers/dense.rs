@@ -43,37 +43,53 @@ impl Dense {
     #[inline(always)]
     pub fn run<S: Simd>(&self, s: S, x: &[f32], start: Option<&[f32]>, relu: bool, out: &mut [f32]) {
         match S::REGISTERS {
-            32.. => self.tiles::<S, 12>(s, x, start, relu, out),
-            8.. => self.tiles::<S, 3>(s, x, start, relu, out),
-            _ => self.tiles::<S, 2>(s, x, start, relu, out),
+            32.. => self.tiles::<S, 12, 2>(s, x, start, relu, out),
+            8.. => self.tiles::<S, 6, 1>(s, x, start, relu, out),
+            _ => self.tiles::<S, 2, 2>(s, x, start, relu, out),
         }
     }
 
+    /// In register tiles of T outputs × NV vectors of pixels.
     #[inline(always)]
-    fn tiles<S: Simd, const T: usize>(&self, s: S, x: &[f32], start: Option<&[f32]>, relu: bool, out: &mut [f32]) {
+    fn tiles<S: Simd, const T: usize, const NV: usize>(
+        &self,
+        s: S,
+        x: &[f32],
+        start: Option<&[f32]>,
+        relu: bool,
+        out: &mut [f32],
+    ) {
+        const { assert!(BLOCK.is_multiple_of(T) && SEGMENT.is_multiple_of(NV * LANES)) };
         let x = &x[..self.inputs * SEGMENT];
         let zero = s.splat(0.0);
         for (block, weight) in self.weight.chunks_exact(self.inputs * BLOCK).enumerate() {
-            for part in (0..BLOCK).step_by(T) {
+            for (part, pixel) in (0..BLOCK).step_by(T).flat_map(|part| (0..SEGMENT).step_by(NV * LANES).map(move |p| (part, p))) {
                 let first = block * BLOCK + part;
-                let mut sums = [[zero; 2]; T];
+                let mut sums = [[zero; NV]; T];
                 for (t, sum) in sums.iter_mut().enumerate() {
-                    *sum = match start {
-                        Some(start) => [s.load(start, (first + t) * SEGMENT), s.load(start, (first + t) * SEGMENT + LANES)],
-                        None => [s.splat(self.bias[first + t]); 2],
-                    };
+                    for (v, sum) in sum.iter_mut().enumerate() {
+                        *sum = match start {
+                            Some(start) => s.load(start, (first + t) * SEGMENT + pixel + LANES * v),
+                            None => s.splat(self.bias[first + t]),
+                        };
+                    }
                 }
                 for (x, w) in x.chunks_exact(SEGMENT).zip(weight.chunks_exact(BLOCK)) {
-                    let (x0, x1) = (s.load(x, 0), s.load(x, LANES));
+                    let mut inputs = [zero; NV];
+                    for (v, input) in inputs.iter_mut().enumerate() {
+                        *input = s.load(x, pixel + LANES * v);
+                    }
                     for (sum, w) in sums.iter_mut().zip(&w[part..part + T]) {
                         let w = s.splat(*w);
-                        *sum = [s.fma(w, x0, sum[0]), s.fma(w, x1, sum[1])];
+                        for (sum, x) in sum.iter_mut().zip(inputs) {
+                            *sum = s.fma(w, x, *sum);
+                        }
                     }
                 }
                 for (t, sum) in sums.iter().enumerate() {
-                    for (half, v) in sum.iter().enumerate() {
-                        let v = if relu { s.relu(*v) } else { *v };
-                        s.store(v, out, (first + t) * SEGMENT + LANES * half);
+                    for (v, sum) in sum.iter().enumerate() {
+                        let sum = if relu { s.relu(*sum) } else { *sum };
+                        s.store(sum, out, (first + t) * SEGMENT + pixel + LANES * v);
                     }
                 }
             }

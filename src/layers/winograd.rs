@@ -36,8 +36,8 @@ struct Scratch {
 
 /// A 3×3 convolution of stride 1 with padding 1, as PyTorch's `Conv2d(ci, co, 3, padding=1)`.
 ///
-/// Results are bit-equal for any thread count, between AVX2 and AVX-512, and for images cut out at even rows and columns, out of
-/// the border's reach. They are within 4e-6 of the sum of the products' magnitudes.
+/// Results are bit-equal for any thread count, between AVX2, AVX-512 and NEON, and for images cut out at even rows and columns, out
+/// of the border's reach. They are within 4e-6 of the sum of the products' magnitudes.
 pub struct Winograd {
     /// [point][block][input channel][16 · vectors].
     weights: Buffer,

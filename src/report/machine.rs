@@ -29,6 +29,7 @@ impl Machine {
     pub fn new(isa: Isa, threads: usize) -> Self {
         let instructions = match isa {
             Isa::Portable => "portable",
+            Isa::Neon => "NEON",
             Isa::Avx2 => "AVX2",
             Isa::Avx512 => "AVX-512",
         };

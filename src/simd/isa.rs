@@ -33,7 +33,7 @@ macro_rules! back_ends {
 
             /// Runs `op` on this instruction set, or on the CPU's best where it lacks this one.
             pub fn run<Op: SimdOp>(self, op: Op) -> Op::Output {
-                match self.min(Self::best()) {
+                match if self.is_available() { self } else { Self::best() } {
                     $(#[cfg($cfg)] Self::$variant => if let Some(simd) = <$token>::detect() { return simd.run(op) },)+
                     #[allow(unreachable_patterns, reason = "on a target that every back end is for")]
                     _ => {}
@@ -45,8 +45,10 @@ macro_rules! back_ends {
 }
 
 back_ends! {
-    /// Plain Rust that the compiler vectorises for the target: NEON on aarch64, SSE2 on x86-64.
+    /// Plain Rust that the compiler vectorises for the target: SSE2 on x86-64.
     Portable = "portable": super::portable::Portable, all();
+    /// NEON.
+    Neon = "neon": super::neon::Neon, target_arch = "aarch64";
     /// AVX2, FMA and F16C.
     Avx2 = "avx2": super::avx2::Avx2, target_arch = "x86_64";
     /// AVX-512F.
@@ -54,11 +56,11 @@ back_ends! {
 }
 
 impl Isa {
-    /// The fastest instruction set of this CPU, or what `HUSH_SIMD` (`avx512`, `avx2` or `portable`) lowers it to. One that the CPU
-    /// lacks, or another word, is ignored. Read once.
+    /// The fastest instruction set of this CPU, or what `HUSH_SIMD` (`avx512`, `avx2`, `neon` or `portable`) lowers it to. One that
+    /// the CPU lacks, or another word, is ignored. Read once.
     pub fn detect() -> Self {
         static CHOSEN: OnceLock<Isa> = OnceLock::new();
-        *CHOSEN.get_or_init(|| Self::lowered(Self::best(), std::env::var("HUSH_SIMD").ok().as_deref()))
+        *CHOSEN.get_or_init(|| Self::lowered(&Self::available(), std::env::var("HUSH_SIMD").ok().as_deref()))
     }
 
     /// Every instruction set that this CPU has, slowest first.
@@ -70,9 +72,11 @@ impl Isa {
         Self::ALL.iter().rev().copied().find(|isa| isa.is_available()).unwrap_or(Self::Portable)
     }
 
-    fn lowered(best: Self, wish: Option<&str>) -> Self {
+    /// The one of `available` that is wished for, or the last.
+    fn lowered(available: &[Self], wish: Option<&str>) -> Self {
         let wish = wish.map(|word| word.trim().to_ascii_lowercase());
-        Self::ALL.iter().copied().find(|isa| Some(isa.name()) == wish.as_deref()).unwrap_or(best).min(best)
+        let wished = available.iter().find(|isa| Some(isa.name()) == wish.as_deref());
+        wished.or(available.last()).copied().unwrap_or(Self::Portable)
     }
 }
 
@@ -105,16 +109,37 @@ mod tests {
 
     #[test]
     fn wish_lowers_only() {
-        assert_eq!(Isa::lowered(Isa::Avx512, Some("avx2")), Isa::Avx2);
-        assert_eq!(Isa::lowered(Isa::Avx512, Some(" Portable ")), Isa::Portable);
-        assert_eq!(Isa::lowered(Isa::Avx2, Some("avx512")), Isa::Avx2);
-        assert_eq!(Isa::lowered(Isa::Avx2, Some("sse9")), Isa::Avx2);
-        assert_eq!(Isa::lowered(Isa::Avx2, None), Isa::Avx2);
+        let (avx2, avx512) = ([Isa::Portable, Isa::Avx2], [Isa::Portable, Isa::Avx2, Isa::Avx512]);
+        assert_eq!(Isa::lowered(&avx512, Some("avx2")), Isa::Avx2);
+        assert_eq!(Isa::lowered(&avx512, Some(" Portable ")), Isa::Portable);
+        assert_eq!(Isa::lowered(&avx2, Some("avx512")), Isa::Avx2);
+        assert_eq!(Isa::lowered(&avx2, Some("neon")), Isa::Avx2);
+        assert_eq!(Isa::lowered(&[Isa::Portable, Isa::Neon], Some("neon")), Isa::Neon);
+        assert_eq!(Isa::lowered(&avx2, Some("sse9")), Isa::Avx2);
+        assert_eq!(Isa::lowered(&avx2, None), Isa::Avx2);
+    }
+
+    /// What an instruction set's loops are compiled for.
+    struct Registers;
+    impl SimdOp for Registers {
+        type Output = usize;
+        #[inline(always)]
+        fn run<S: Simd>(self, _simd: S) -> usize {
+            S::REGISTERS
+        }
+    }
+
+    #[test]
+    fn one_that_the_cpu_lacks_is_its_best() {
+        for isa in Isa::ALL.iter().filter(|isa| !isa.is_available()) {
+            assert_eq!(isa.run(Registers), Isa::best().run(Registers), "{isa:?}");
+        }
     }
 
     #[test]
     fn portable_is_always_there() {
         assert_eq!(Isa::available().first(), Some(&Isa::Portable));
+        assert!(Isa::Neon.is_available() || cfg!(not(target_arch = "aarch64")));
         assert!(Isa::available().contains(&Isa::detect()));
     }
 }

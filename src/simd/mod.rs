@@ -4,14 +4,13 @@
 //! safe to call. [`Isa`] detects them, and [`Isa::run`] is the one place where a token is made and a loop, a [`SimdOp`], is entered
 //! compiled for its instructions; `dispatch!` writes the `SimdOp` of a plain function.
 //!
-//! All operations round alike on AVX-512 and AVX2. The portable path has no fused multiply-add unless the target has, and agrees to
-//! a few units in the last place. `conformance` holds every back end to that.
+//! All operations round alike on AVX-512, AVX2 and NEON. The portable path has no fused multiply-add unless the target has, and
+//! agrees to a few units in the last place. `conformance` holds every back end to that.
 //!
 //! # Adding an instruction set
 //! One file like `avx2.rs`: a token type and its `impl Simd`, whose `detect` makes the token only where the CPU has the instructions.
-//! Then one line in the table of `isa.rs`, as `Neon = "neon": super::neon::Neon, target_arch = "aarch64";` (with
-//! `V = [float32x4_t; 4]` and `REGISTERS = 8`), and the module here. The conformance suites of this room and of `layers` run it from
-//! then on.
+//! Then one line in the table of `isa.rs` and the module here. The conformance suites of this room and of `layers` run it from then
+//! on.
 //!
 //! # Adding an element type
 //! One file like `element.rs` holds: `impl Element` with a `load` that widens to f32 lanes. Where a back end has an instruction for
@@ -28,6 +27,8 @@ mod vector;
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+#[cfg(target_arch = "aarch64")]
+mod neon;
 
 #[cfg(test)]
 pub(crate) mod conformance;

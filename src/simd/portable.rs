@@ -17,7 +17,7 @@ fn map2(a: [f32; 16], b: [f32; 16], f: impl Fn(f32, f32) -> f32) -> [f32; 16] {
 
 impl Simd for Portable {
     type V = [f32; 16];
-    const REGISTERS: usize = if cfg!(target_arch = "aarch64") { 8 } else { 4 };
+    const REGISTERS: usize = 4;
     #[inline(always)]
     fn detect() -> Option<Self> {
         Some(Self)
