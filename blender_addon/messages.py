@@ -21,8 +21,8 @@ TEXTS = {
     "no_layers": "No view layer is used for rendering: turn on Use for Rendering in a view layer",
     "passes": "View layer {layer} renders without {passes}, which make the result better: press Prepare Shot",
     "follow_reflections": (
-        "Follow Reflections of Denoising Data is off in view layer {layer}: Hush is shown mirrors and clear glass, not what is seen in them, "
-        "and blurs it. Press Prepare Shot"
+        "Follow Reflections of Denoising Data is off in view layer {layer}: the passes show mirrors and clear glass, not what is seen in "
+        "them, and Hush blurs it. Press Prepare Shot"
     ),
     "albedo_weighting": (
         "Albedo Roughness Weighting of Denoising Data is off in view layer {layer}: metal and rough glass are black in Denoising Albedo, "
