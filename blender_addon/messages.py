@@ -22,11 +22,11 @@ TEXTS = {
     "passes": "View layer {layer} renders without {passes}, which make the result better: press Prepare Shot",
     "follow_reflections": (
         "Follow Reflections of Denoising Data is off in view layer {layer}: the passes show mirrors and clear glass, not what is seen in "
-        "them, and Hush blurs it. Press Prepare Shot"
+        "them, and Hush makes more errors there. Press Prepare Shot"
     ),
     "albedo_weighting": (
-        "Albedo Roughness Weighting of Denoising Data is off in view layer {layer}: metal and rough glass are black in Denoising Albedo, "
-        "and their textures blur. Press Prepare Shot"
+        "Albedo Roughness Weighting of Denoising Data is off in view layer {layer}: glossy and rough metal is black in Denoising Albedo, "
+        "so Hush makes more errors there. Press Prepare Shot"
     ),
     "seed": "The seed is not animated: every frame has the same noise, so its neighbours cannot help. Press Prepare Shot",
     "denoising": "Cycles denoises each frame already: that costs time and takes detail that Hush could keep. Press Prepare Shot",
