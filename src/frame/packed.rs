@@ -203,11 +203,11 @@ mod tests {
         // What was rendered of it: 0 until Blender 5.1, the greatest float over the samples since, 1e10 in the Depth pass.
         for depth in [0.0, f32::MAX, f32::MAX / 4096.0, 1e10] {
             let mut frame = Frame::new(Array3::from_elem((8, 8, 3), 2.0));
-            frame.albedo = Some(Array3::from_shape_fn((8, 8, 3), |(_, _, c)| [0.4, 1.0, 2.0][c]));
+            frame.albedo = Some(Array3::from_shape_fn((8, 8, 3), |(_, _, c)| [0.25, 1.0, 2.0][c]));
             frame.depth = Some(Array2::from_shape_fn((8, 8), |(y, _)| if y < 4 { depth } else { 5.0 }));
-            let packed = PackedFrame::new(&frame.view(), 0.05, &BufferPool::default()).unwrap();
+            let packed = PackedFrame::new(&frame.view(), 0.25, &BufferPool::default()).unwrap();
             let (sky, ground) = (packed.groups[0][0], packed.groups[0][63]);
-            assert_eq!(sky[MODULATION..DEPTH], [0.45, 1.05, 1.05]);
+            assert_eq!(sky[MODULATION..DEPTH], [0.5, 1.25, 1.25]);
             assert_eq!((sky[DEPTH], ground[DEPTH]), (0.0, 1.0), "{depth}");
         }
     }
