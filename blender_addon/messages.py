@@ -20,6 +20,14 @@ TEXTS = {
     "save": "The file is not saved yet, and the output path is beside it (//): save the file first",
     "no_layers": "No view layer is used for rendering: turn on Use for Rendering in a view layer",
     "passes": "View layer {layer} renders without {passes}, which make the result better: press Prepare Shot",
+    "follow_reflections": (
+        "Follow Reflections of Denoising Data is off in view layer {layer}: the passes show mirrors and clear glass, not what is seen in "
+        "them, and Hush makes more errors there. Press Prepare Shot"
+    ),
+    "albedo_weighting": (
+        "Albedo Roughness Weighting of Denoising Data is off in view layer {layer}: glossy and rough metal is black in Denoising Albedo, "
+        "so Hush makes more errors there. Press Prepare Shot"
+    ),
     "seed": "The seed is not animated: every frame has the same noise, so its neighbours cannot help. Press Prepare Shot",
     "denoising": "Cycles denoises each frame already: that costs time and takes detail that Hush could keep. Press Prepare Shot",
     "motion_blur": (
@@ -136,6 +144,7 @@ TEXTS = {
     "set_engine": "Render engine: Cycles",
     "set_camera": "Camera of the scene: {camera}",
     "set_passes": "View layer {layer}: {passes} on",
+    "set_guide_switch": "View layer {layer}: {switch} on",
     "set_seed": "Sampling: animated seed on",
     "set_denoising": "Sampling: Cycles' own denoising off",
     "set_format": "Output: OpenEXR MultiLayer, ZIP",

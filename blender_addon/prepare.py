@@ -20,6 +20,11 @@ _IMAGE_SETTINGS = ("media_type", "file_format", "color_mode", "color_depth", "ex
 # What a view layer shows, and so where its motion vectors come from.
 _LAYER_FLAGS = ("material_override", "world_override", "use_solid", "use_sky", "use_strand", "use_volumes", "pass_alpha_threshold")
 _COLLECTION_FLAGS = ("exclude", "holdout", "indirect_only", "hide_viewport")
+# What each view layer of Blender 5.2 can turn off in Denoising Data, property and label, by the step that turns it on again.
+GUIDE_SWITCHES = {
+    "follow_reflections": ("denoising_pass_follow_reflections", "Follow Reflections"),
+    "albedo_weighting": ("denoising_pass_use_albedo_roughness_weighting", "Albedo Roughness Weighting"),
+}
 
 Owner = tuple[str, ...]
 
@@ -102,6 +107,12 @@ def missing_passes(layer: bpy.types.ViewLayer) -> list[str]:
     return [name for name, on in wanted.items() if not on]
 
 
+def layers_without(scene: bpy.types.Scene, switch: str) -> list[bpy.types.ViewLayer]:
+    """The rendered view layers that have one of the `GUIDE_SWITCHES` turned off; none where Blender has no such switch."""
+    name, _ = GUIDE_SWITCHES[switch]
+    return [layer for layer in rendered_layers(scene) if not getattr(layer.cycles, name, True)]
+
+
 def seed_is_animated(scene: bpy.types.Scene) -> bool:
     """Whether every frame has other noise."""
     animation = scene.animation_data
@@ -133,6 +144,19 @@ def _passes(scene: bpy.types.Scene, record: Record) -> list[str]:
         if missing:
             changes.append(messages.text("set_passes", layer=layer.name, passes=", ".join(missing)))
     return changes
+
+
+def _guide_switch(switch: str) -> Callable[[bpy.types.Scene, Record], list[str]]:
+    """The step that turns one of the `GUIDE_SWITCHES` on."""
+
+    def step(scene: bpy.types.Scene, record: Record) -> list[str]:
+        name, label = GUIDE_SWITCHES[switch]
+        layers = layers_without(scene, switch)
+        for layer in layers:
+            record.set(("view_layers", layer.name, "cycles"), name, True)
+        return [messages.text("set_guide_switch", layer=layer.name, switch=label) for layer in layers]
+
+    return step
 
 
 def _seed(scene: bpy.types.Scene, record: Record) -> list[str]:
@@ -232,6 +256,7 @@ STEPS: dict[str, Callable[[bpy.types.Scene, Record], list[str]]] = {
     "engine": _engine,
     "camera": _camera,
     "passes": _passes,
+    **{switch: _guide_switch(switch) for switch in GUIDE_SWITCHES},
     "seed": _seed,
     "denoising": _denoising,
     "format": _format,
@@ -243,7 +268,7 @@ STEPS: dict[str, Callable[[bpy.types.Scene, Record], list[str]]] = {
     "sequencer": _sequencer,
     "frame_step": _frame_step,
 }
-PREPARE = ("passes", "seed", "denoising", "format", "motion_blur")
+PREPARE = ("passes", *GUIDE_SWITCHES, "seed", "denoising", "format", "motion_blur")
 
 
 def apply(scene: bpy.types.Scene, steps: tuple[str, ...] = PREPARE) -> list[str]:

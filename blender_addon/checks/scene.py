@@ -45,6 +45,9 @@ def _cycles_problems(scene: bpy.types.Scene) -> Iterator[Problem]:
         missing = prepare.missing_passes(layer)
         if missing:
             yield problem("passes", "passes", fix_in=name, layer=layer.name, passes=" and ".join(missing))
+    for switch in prepare.GUIDE_SWITCHES:
+        for layer in prepare.layers_without(scene, switch):
+            yield problem(switch, switch, fix_in=name, layer=layer.name)
     if not prepare.seed_is_animated(scene):
         yield problem("seed", "seed", fix_in=name)
     if scene.cycles.use_denoising:

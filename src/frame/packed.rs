@@ -199,6 +199,20 @@ mod tests {
     }
 
     #[test]
+    fn a_sky_keeps_its_albedo_and_has_no_depth() {
+        // What was rendered of it: 0 until Blender 5.1, the greatest float over the samples since, 1e10 in the Depth pass.
+        for depth in [0.0, f32::MAX, f32::MAX / 4096.0, 1e10] {
+            let mut frame = Frame::new(Array3::from_elem((8, 8, 3), 2.0));
+            frame.albedo = Some(Array3::from_shape_fn((8, 8, 3), |(_, _, c)| [0.25, 1.0, 2.0][c]));
+            frame.depth = Some(Array2::from_shape_fn((8, 8), |(y, _)| if y < 4 { depth } else { 5.0 }));
+            let packed = PackedFrame::new(&frame.view(), 0.25, &BufferPool::default()).unwrap();
+            let (sky, ground) = (packed.groups[0][0], packed.groups[0][63]);
+            assert_eq!(sky[MODULATION..DEPTH], [0.5, 1.25, 1.25]);
+            assert_eq!((sky[DEPTH], ground[DEPTH]), (0.0, 1.0), "{depth}");
+        }
+    }
+
+    #[test]
     fn every_lane_is_finite_whatever_the_depth() {
         for (near, far) in [(1e-40, 1e-40), (1e-38, 1e8), (1e-19, 9.9e8), (f32::NAN, f32::INFINITY), (-1.0, 1e10)] {
             let mut frame = Frame::new(Array3::from_elem((9, 9, 3), 0.5));

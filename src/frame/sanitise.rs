@@ -2,7 +2,8 @@
 
 /// The brightest radiance that is kept as it is; more is clamped so that sums stay finite.
 pub const MAX_RADIANCE: f32 = 1e35;
-/// Depths from here on are background (Cycles' Depth pass has 1e10).
+/// Depths from here on are background: Cycles' Depth pass has 1e10, Denoising Depth from Blender 5.2 on the greatest float over the
+/// pixel's samples, also where only one of them saw the background.
 const BACKGROUND_DEPTH: f32 = 1e9;
 /// Nearer is no depth either: one over the mean depth, and any depth times it, must be finite.
 const NEAREST_DEPTH: f32 = 1e-20;

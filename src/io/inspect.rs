@@ -72,6 +72,7 @@ pub fn inspect_with(path: &Path, selection: &Selection) -> Result<Inspection> {
     found.light_passes = light_passes(&found.layout, &resolved);
     found.notes = resolved.notes.clone();
     found.notes.extend(layer_notes(&found.layout, &resolved));
+    found.notes.extend(unused_guides(&found.layout, &resolved));
     found.notes.extend(pixel_notes(&resolved, &frame));
     found.notes.extend(caveats(&found.layout, &resolved));
     found.missing = resolved.missing;
@@ -96,6 +97,16 @@ fn light_passes(layout: &Layout, r: &Resolved) -> Vec<String> {
         }
     }
     found
+}
+
+/// The passes of Denoising Data that are not used, where the layer has any.
+fn unused_guides(layout: &Layout, r: &Resolved) -> Option<String> {
+    let layer = layout.layer(&r.layer)?;
+    let used = |name: &str| r.channels().any(|c| layer.pass(name, r.view.as_deref()).is_some_and(|p| p.channels.contains(c)));
+    let there = |name: &&str| layer.pass(name, r.view.as_deref()).is_some() && !used(name);
+    let there: Vec<&str> = names::UNUSED_GUIDES.into_iter().filter(there).collect();
+    let (pass, is) = if there.len() == 1 { ("a pass", "is") } else { ("passes", "are") };
+    (!there.is_empty()).then(|| format!("{} {is} {pass} of Denoising Data that Hush does not use.", there.join(" and ")))
 }
 
 /// The layers that are no artist's.
@@ -169,7 +180,7 @@ impl Display for Inspection {
                     _ => "whole numbers",
                 };
                 let name = if pass.name.is_empty() { "colour" } else { pass.name.as_str() };
-                writeln!(f, "    {name:<24} {:<8} {bits}", letters.join(""))?;
+                writeln!(f, "    {name:<25} {:<8} {bits}", letters.join(""))?;
             }
         }
         if let Some(problem) = &self.problem {

@@ -80,6 +80,9 @@ pub(crate) const LIGHT_PASSES: [LightPass; 12] = [
     LightPass { full: "Environment", short: "Env", colour: None, place: "Environment" },
 ];
 
+/// What Blender 5.2 writes with Denoising Data beside the guides. They are no light passes.
+pub(crate) const UNUSED_GUIDES: [&str; 2] = ["Denoising Specular Albedo", "Denoising Roughness"];
+
 /// The light pass of either name, whatever its case.
 pub(crate) fn light_pass(name: &str) -> Option<&'static LightPass> {
     LIGHT_PASSES.iter().find(|l| l.full.eq_ignore_ascii_case(name) || l.short.eq_ignore_ascii_case(name))

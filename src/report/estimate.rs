@@ -7,9 +7,10 @@
 //! carried without its albedo, and only pixels count whose way forth and back agrees and whose albedo, normal and depth stay
 //! the same. Those are the easier ones: the whole frame's error is higher.
 
-use ndarray::{Array2, Array3, ArrayView2, ArrayView3, Zip};
+use ndarray::{Array2, Array3, ArrayView3, Zip};
 
 use crate::frame::Frame;
+use crate::frame::sanitise::front;
 use crate::metrics::pair::REFERENCE_MEAN;
 use crate::metrics::relmse;
 
@@ -179,7 +180,7 @@ fn seen(path: &[&Frame], light: ArrayView3<f32>, later: bool, y: usize, x: usize
         (0..3).all(|c| (a[[y, x, c]] - around.sample(|y, x| b[[y, x, c]])).abs() < NORMAL).then_some(())?;
     }
     if let (Some(a), Some(b)) = (&first.depth, &last.depth) {
-        same_depth(a.view(), y, x, around.sample(|y, x| b[[y, x]])).then_some(())?;
+        same_depth(front(a[[y, x]]), around.sample(|y, x| front(b[[y, x]]))).then_some(())?;
     }
     let reflects =
         |f: &Frame, y: usize, x: usize, c: usize| f.albedo.as_ref().map_or(1.0, |a| a[[y, x, c]].clamp(0.0, 1.0) + DARK);
@@ -190,8 +191,7 @@ fn seen(path: &[&Frame], light: ArrayView3<f32>, later: bool, y: usize, x: usize
     colour.iter().all(|v| v.is_finite()).then_some(colour)
 }
 
-fn same_depth(own: ArrayView2<f32>, y: usize, x: usize, other: f32) -> bool {
-    let own = own[[y, x]];
+fn same_depth(own: f32, other: f32) -> bool {
     own == other || (own - other).abs() <= DEPTH * own.abs()
 }
 
@@ -302,6 +302,12 @@ mod tests {
         let whole = frames(&|_| ()).unwrap().share;
         let holed = frames(&|f| f[2].colour.slice_mut(ndarray::s![20..40, 20..40, ..]).fill(f32::NAN)).unwrap();
         assert!(holed.share < whole && holed.relmse.is_finite());
+        // As far away as Blender 5.2 says, which depends on a frame's samples, the background is the background.
+        let sky = |depths: [f32; 3]| {
+            let set = |f: &mut [Frame]| f.iter_mut().zip(depths).for_each(|(f, z)| f.depth = Some(Array2::from_elem(SIZE, z)));
+            frames(&set).unwrap().share
+        };
+        assert_eq!((sky([0.0; 3]), sky([64.0, 48.0, 16.0].map(|samples| f32::MAX / samples))), (whole, whole));
         let still = frames(&|f| {
             f.iter_mut().for_each(|f| f.vector.as_mut().unwrap().fill(0.0));
             let first = f[0].clone();
