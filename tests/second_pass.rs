@@ -6,7 +6,7 @@ mod engine_support;
 use std::path::PathBuf;
 
 use common::{Look, Shot, name};
-use engine_support::{SMALL_MODEL, around, bits, denoise, encode, full, noise, plain, small};
+use engine_support::{SMALL_MODEL, around, bits, denoise, encode, full, noise, plain, small, small_of};
 use hush::engine::{SILENT, Skip, Weights};
 use hush::io::Selection;
 use hush::io::sequence::Sequence;
@@ -47,10 +47,6 @@ fn part(shot: &Shot, label: &str, frames: &str, files: std::ops::RangeInclusive<
 /// The bytes of a job's output of a frame.
 fn made(job: &Job, number: i64) -> Vec<u8> {
     std::fs::read(job.output.join(name(number))).unwrap()
-}
-
-fn engine(settings: Settings) -> Engine {
-    Engine::from_weights(&Weights::from_bytes("golden", SMALL_MODEL).unwrap(), settings).unwrap()
 }
 
 /// The first passes of a run of frames.
@@ -195,7 +191,7 @@ fn weights_that_do_not_say_so_have_one_pass() {
 fn threads_tiles_and_what_is_left_out_exactly_change_no_bit() {
     let exact = Skip { constant: false, ..Skip::default() };
     let run = |memory, threads, skip| {
-        let engine = engine(Settings { memory, threads, skip, second_pass: true, ..Settings::default() });
+        let engine = small_of(Settings { memory, threads, skip, ..Settings::default() });
         let frames = (0..5).map(|t| {
             let mut frame = full(t, 61, 403);
             // Film that is opaque in some frames only.

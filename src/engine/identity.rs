@@ -32,11 +32,14 @@ impl Identity {
     /// # Errors
     /// [`Error::Io`](crate::Error::Io) where the weights cannot be read.
     pub fn of(model: Option<&Path>, renderer: Option<&str>, skip: Skip, second_pass: bool) -> Result<Self> {
-        let Some(path) = model else {
-            return Ok(Self::new(ModelId::embedded(), renderer, skip, second_pass && embedded_second_pass()));
+        let (model, has_second_pass) = match model {
+            None => (ModelId::embedded(), embedded_second_pass()),
+            Some(path) => {
+                let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+                (ModelId::of_bytes(path, &bytes), has_second_pass(&bytes))
+            }
         };
-        let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
-        Ok(Self::new(ModelId::of_bytes(path, &bytes), renderer, skip, second_pass && has_second_pass(&bytes)))
+        Ok(Self::new(model, renderer, skip, second_pass && has_second_pass))
     }
 
     pub(super) fn new(model: ModelId, renderer: Option<&str>, skip: Skip, second_pass: bool) -> Self {

@@ -10,22 +10,20 @@ use ndarray::{Array2, Array3};
 /// A network of random weights, small: for everything that must hold whatever the weights are.
 pub const SMALL_MODEL: &[u8] = include_bytes!("../data/golden_model.safetensors");
 
+/// The small network, which has a second pass, and does it.
+pub fn small_of(settings: Settings) -> Engine {
+    let weights = Weights::from_bytes("golden", SMALL_MODEL).unwrap();
+    Engine::from_weights(&weights, Settings { second_pass: true, ..settings }).unwrap()
+}
+
 /// The small network.
 pub fn small_with(isa: Option<Isa>, memory: Option<u64>) -> Engine {
-    Engine::from_weights(
-        &Weights::from_bytes("golden", SMALL_MODEL).unwrap(),
-        Settings { isa, memory, second_pass: true, ..Settings::default() },
-    )
-    .unwrap()
+    small_of(Settings { isa, memory, ..Settings::default() })
 }
 
 /// The small network that leaves out what `skip` says.
 pub fn small_skipping(skip: Skip) -> Engine {
-    Engine::from_weights(
-        &Weights::from_bytes("golden", SMALL_MODEL).unwrap(),
-        Settings { skip, second_pass: true, ..Settings::default() },
-    )
-    .unwrap()
+    small_of(Settings { skip, ..Settings::default() })
 }
 
 /// The small network with default settings.
