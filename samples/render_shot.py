@@ -2,7 +2,7 @@
 
     python -m venv bpy-venv && bpy-venv/bin/pip install bpy==5.0.1 OpenEXR==3.5.3     # needs Python 3.11
     bpy-venv/bin/python samples/render_shot.py shot                     # samples/shot/frame_0001.exr …, two minutes
-    bpy-venv/bin/python samples/render_shot.py reference                # samples/reference/frame_0001.exr …, 20 minutes of CPU time
+    bpy-venv/bin/python samples/render_shot.py reference                # samples/reference/frame_0001.exr …, three hours of CPU time
     bpy-venv/bin/python samples/render_shot.py mask --frames 4          # samples/mask/mask_0004.exr: which pixels are Suzanne
 
 Blender keeps Vector, Denoising Normal and Denoising Depth at 32 bit even in half-float files; here they are rounded after
@@ -55,7 +55,7 @@ def reference(scene: bpy.types.Scene, samples: int) -> None:
     cycles, layer = scene.cycles, scene.view_layers[0]
     cycles.samples, cycles.seed = samples, 70001
     cycles.use_light_tree = False  # a fifth cheaper a sample, though each is a little noisier
-    cycles.use_adaptive_sampling, cycles.adaptive_threshold, cycles.adaptive_min_samples = True, 0.01, 64
+    cycles.use_adaptive_sampling, cycles.adaptive_threshold, cycles.adaptive_min_samples = True, 0.003, 256
     layer.cycles.denoising_store_passes = False
     layer.use_pass_vector = False
     layer.use_pass_z = False
@@ -113,7 +113,7 @@ def masked(path: Path, target: Path) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("what", choices=["shot", "reference", "mask"])
-    parser.add_argument("--samples", type=int, help="samples a pixel (12 for the shot and the mask, at most 200 for the references)")
+    parser.add_argument("--samples", type=int, help="samples a pixel (12 for the shot and the mask, at most 2000 for the references)")
     parser.add_argument("--output", type=Path, help="folder (samples/shot or samples/reference)")
     parser.add_argument("--frames", type=int, nargs="*", default=list(range(still_life.FIRST, still_life.LAST + 1)))
     parser.add_argument("--percentage", type=int, default=100, help="of 480×270")
@@ -127,7 +127,7 @@ def main() -> None:
     elif chosen.what == "mask":
         mask(scene, chosen.samples or 12)
     else:
-        reference(scene, chosen.samples or 200)
+        reference(scene, chosen.samples or 2000)
     written(scene, chosen.codec)
     folder = (chosen.output or HERE / chosen.what).resolve()
     for frame in chosen.frames:

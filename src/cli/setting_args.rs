@@ -8,10 +8,14 @@ use clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches};
 
 use crate::settings::{Kind, NOT_OF_A_PREVIEW, SETTINGS, Setting, ShotQuery, ShotSettings, StageRef};
 
+/// What says how frames are denoised and written, where none is.
+const NOT_OF_A_SURVEY: [&str; 8] =
+    ["enable", "output", "lambda", "lambda_masked", "lambda_pass", "lambda_images", "keep_noisy", "second_pass"];
+
 /// Which settings a command leaves out of its options.
 pub(super) trait Offered {
-    /// By name.
-    const WITHOUT: &'static [&'static str];
+    /// By name, in lists.
+    const WITHOUT: &'static [&'static [&'static str]];
 }
 
 /// Of `hush denoise`, `hush check` and `hush watch`.
@@ -26,32 +30,19 @@ pub(super) struct OfReports;
 pub(super) struct OfLayers;
 
 impl Offered for OfRuns {
-    const WITHOUT: &'static [&'static str] = &[];
+    const WITHOUT: &'static [&'static [&'static str]] = &[];
 }
 impl Offered for OfPreviews {
-    const WITHOUT: &'static [&'static str] = &NOT_OF_A_PREVIEW;
+    const WITHOUT: &'static [&'static [&'static str]] = &[&NOT_OF_A_PREVIEW];
 }
 impl Offered for OfSurveys {
-    const WITHOUT: &'static [&'static str] =
-        &["enable", "output", "lambda", "lambda_masked", "lambda_pass", "lambda_images", "keep_noisy", "second_pass"];
+    const WITHOUT: &'static [&'static [&'static str]] = &[&NOT_OF_A_SURVEY];
 }
 impl Offered for OfReports {
-    const WITHOUT: &'static [&'static str] = &[
-        "enable",
-        "output",
-        "lambda",
-        "lambda_masked",
-        "lambda_pass",
-        "lambda_images",
-        "window",
-        "aovs",
-        "keep_noisy",
-        "skip",
-        "second_pass",
-    ];
+    const WITHOUT: &'static [&'static [&'static str]] = &[&NOT_OF_A_SURVEY, &["window", "aovs", "skip"]];
 }
 impl Offered for OfLayers {
-    const WITHOUT: &'static [&'static str] = &["output"];
+    const WITHOUT: &'static [&'static [&'static str]] = &[&["output"]];
 }
 
 /// The settings that a command takes.
@@ -64,7 +55,7 @@ pub(super) struct SettingArgs<L> {
 impl<L: Offered> SettingArgs<L> {
     fn offered() -> impl Iterator<Item = (&'static Setting, &'static str)> {
         let with_option = SETTINGS.iter().filter_map(|setting| Some((setting, setting.option?.trim_start_matches('-'))));
-        with_option.filter(|(setting, _)| !L::WITHOUT.contains(&setting.name))
+        with_option.filter(|(setting, _)| !L::WITHOUT.iter().any(|names| names.contains(&setting.name)))
     }
 }
 
@@ -193,7 +184,7 @@ mod tests {
 
     #[test]
     fn what_is_left_out_is_a_setting() {
-        for name in [OfPreviews::WITHOUT, OfSurveys::WITHOUT, OfReports::WITHOUT, OfLayers::WITHOUT].concat() {
+        for name in [OfPreviews::WITHOUT, OfSurveys::WITHOUT, OfReports::WITHOUT, OfLayers::WITHOUT].concat().concat() {
             assert!(Setting::named(name).is_ok(), "{name}");
         }
     }

@@ -12,8 +12,7 @@ use crate::kernels::weigh::{TapWeights, Taps, apply, offsets};
 use crate::kernels::{Channels, FULL_PHASES, pyramid};
 use crate::layers::Activation;
 use crate::layers::SEGMENT;
-use crate::simd::Isa;
-use crate::simd::{Simd, dispatch};
+use crate::simd::{Isa, Simd, SimdOp};
 use crate::tiles::Tile;
 
 /// One pyramid level's images: the centre's and each neighbour's.
@@ -120,7 +119,8 @@ impl Levels<'_> {
         let mut out = level.centre.same_pool(self.channels.denoised(), rows, columns, self.margins.coarse);
         out.rows_mut().enumerate().for_each(|(y, mut row)| {
             let mut line = vec![0.0; self.channels.denoised() * known.0.columns().next_multiple_of(SEGMENT)];
-            coarse_row(self.isa, self, head, known, level, coarser, &reach, albedo.as_ref(), y, &mut line);
+            let (reach, albedo) = (&reach, albedo.as_ref());
+            self.isa.run(CoarseRow { levels: self, head, known, level, coarser, reach, albedo, y, line: &mut line });
             let stride = line.len() / self.channels.denoised();
             for (channel, from) in line.chunks_exact(stride).enumerate() {
                 let to = row.plane(channel);
@@ -146,7 +146,8 @@ impl Levels<'_> {
         let mut seen = vec![0.0; core.rows * seen_width];
         if let Some(out) = out.as_slice_mut() {
             let row = |(i, rows, seen): (usize, &mut [f32], &mut [f32])| {
-                full_row(self.isa, self, half, &reach, &albedo, i + core.row - region.row, rows, seen);
+                let y = i + core.row - region.row;
+                self.isa.run(FullRows { levels: self, half, reach: &reach, albedo: &albedo, y, out: rows, seen });
             };
             let rows = out.par_chunks_mut(2 * width).enumerate();
             if seen_width == 0 {
@@ -159,55 +160,63 @@ impl Levels<'_> {
     }
 }
 
-#[inline(always)]
-#[allow(clippy::too_many_arguments)]
-fn coarse_row_body<S: Simd>(
-    s: S,
-    levels: &Levels,
-    head: &Head,
-    (features, pairs): (&Activation, Pairs),
-    level: &Level,
-    coarser: Option<&Planes>,
-    reach: &Reach,
-    albedo: Option<&(Reach, Option<&Planes>)>,
+/// One row of a level below full resolution.
+struct CoarseRow<'a> {
+    levels: &'a Levels<'a>,
+    head: &'a Head,
+    known: (&'a Activation, Pairs<'a>),
+    level: &'a Level,
+    coarser: Option<&'a Planes>,
+    reach: &'a Reach,
+    /// Where the albedo has kernels on this level, and its coarser level where that has.
+    albedo: Option<&'a (Reach, Option<&'a Planes>)>,
     y: usize,
-    line: &mut [f32],
-) {
-    let (channels, counts) = (levels.channels, levels.predictor.taps);
-    let values = channels.values;
-    let stride = line.len() / channels.denoised();
-    let mut logits = head.buffers(levels.neighbours.len());
-    let mut weights = TapWeights::default();
-    let mut values_of = vec![0.0; values * SEGMENT];
-    let mut modulation = vec![0.0; 3 * SEGMENT];
-    for x in (0..features.columns()).step_by(SEGMENT) {
-        head.predict(s, features, pairs, y, x, &mut logits);
-        let centre = &logits.centre;
-        let mask = channels.mask();
-        let own = Taps { image: &level.centre, phases: 1, offsets: &reach.centre, logits: centre, pitch: 0, mask, queries: None };
-        let mut taps = vec![Taps { queries: Some(&centre[head.starts.queries * SEGMENT..]), ..own }];
-        if let Some(image) = coarser {
-            let logits = &centre[counts.centre * SEGMENT..];
-            taps.push(Taps { image, offsets: &reach.coarse, logits, ..own });
+    /// \[channel]\[column].
+    line: &'a mut [f32],
+}
+
+impl SimdOp for CoarseRow<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<S: Simd>(self, s: S) {
+        let Self { levels, head, known: (features, pairs), level, coarser, reach, albedo, y, line } = self;
+        let (channels, counts) = (levels.channels, levels.predictor.taps);
+        let values = channels.values;
+        let stride = line.len() / channels.denoised();
+        let mut logits = head.buffers(levels.neighbours.len());
+        let mut weights = TapWeights::default();
+        let mut values_of = vec![0.0; values * SEGMENT];
+        let mut modulation = vec![0.0; 3 * SEGMENT];
+        for x in (0..features.columns()).step_by(SEGMENT) {
+            head.predict(s, features, pairs, y, x, &mut logits);
+            let centre = &logits.centre;
+            let mask = channels.mask();
+            let own =
+                Taps { image: &level.centre, phases: 1, offsets: &reach.centre, logits: centre, pitch: 0, mask, queries: None };
+            let mut taps = vec![Taps { queries: Some(&centre[head.starts.queries * SEGMENT..]), ..own }];
+            if let Some(image) = coarser {
+                let logits = &centre[counts.centre * SEGMENT..];
+                taps.push(Taps { image, offsets: &reach.coarse, logits, ..own });
+            }
+            for ((image, offsets), logits) in level.neighbours.iter().zip(&reach.neighbours).zip(&logits.pairs) {
+                taps.push(Taps { image, offsets, logits, queries: Some(&logits[head.pair_starts.queries * SEGMENT..]), ..own });
+            }
+            apply(s, &taps, channels.key(), 0..values, y, x, &mut weights, &mut values_of);
+            put(line, stride, 0, mask, x, &values_of, &weights);
+            let Some((reach, coarser)) = albedo else { continue };
+            let logits_of = &centre[head.starts.albedo * SEGMENT..];
+            let mut taps = vec![Taps { offsets: &reach.centre, logits: logits_of, ..own }];
+            if let Some(image) = coarser {
+                let (logits, mask) = (&logits_of[counts.albedo * SEGMENT..], channels.modulation_mask());
+                taps.push(Taps { image, offsets: &reach.coarse, logits, mask, ..own });
+            }
+            for ((image, offsets), logits) in level.neighbours.iter().zip(&reach.neighbours).zip(&logits.pairs) {
+                taps.push(Taps { image, offsets, logits: &logits[head.pair_starts.albedo * SEGMENT..], ..own });
+            }
+            let first = channels.modulation();
+            apply(s, &taps, channels.key(), first..first + 3, y, x, &mut weights, &mut modulation);
+            put(line, stride, first, channels.modulation_mask(), x, &modulation, &weights);
         }
-        for ((image, offsets), logits) in level.neighbours.iter().zip(&reach.neighbours).zip(&logits.pairs) {
-            taps.push(Taps { image, offsets, logits, queries: Some(&logits[head.pair_starts.queries * SEGMENT..]), ..own });
-        }
-        apply(s, &taps, channels.key(), 0..values, y, x, &mut weights, &mut values_of);
-        put(line, stride, 0, mask, x, &values_of, &weights);
-        let Some((reach, coarser)) = albedo else { continue };
-        let logits_of = &centre[head.starts.albedo * SEGMENT..];
-        let mut taps = vec![Taps { offsets: &reach.centre, logits: logits_of, ..own }];
-        if let Some(image) = coarser {
-            let (logits, mask) = (&logits_of[counts.albedo * SEGMENT..], channels.modulation_mask());
-            taps.push(Taps { image, offsets: &reach.coarse, logits, mask, ..own });
-        }
-        for ((image, offsets), logits) in level.neighbours.iter().zip(&reach.neighbours).zip(&logits.pairs) {
-            taps.push(Taps { image, offsets, logits: &logits[head.pair_starts.albedo * SEGMENT..], ..own });
-        }
-        let first = channels.modulation();
-        apply(s, &taps, channels.key(), first..first + 3, y, x, &mut weights, &mut modulation);
-        put(line, stride, first, channels.modulation_mask(), x, &modulation, &weights);
     }
 }
 
@@ -221,80 +230,81 @@ fn put(line: &mut [f32], stride: usize, first: usize, mask: usize, x: usize, fou
     mask.iter_mut().zip(weights.scales()).for_each(|(to, scale)| *to = f32::from(*scale > 0.0));
 }
 
-dispatch! {
-    fn coarse_row(
-        levels: &Levels<'_>,
-        head: &Head,
-        known: (&Activation, Pairs<'_>),
-        level: &Level,
-        coarser: Option<&Planes>,
-        reach: &Reach,
-        albedo: Option<&(Reach, Option<&Planes>)>,
-        y: usize,
-        line: &mut [f32],
-    ) = coarse_row_body
+/// Two full-resolution rows of the core.
+struct FullRows<'a> {
+    levels: &'a Levels<'a>,
+    half: Option<&'a Planes>,
+    reach: &'a Reach,
+    albedo: &'a Reach,
+    /// Of half resolution, in the region.
+    y: usize,
+    /// (2, columns, values).
+    out: &'a mut [f32],
+    /// \[neighbour]\[[`SEEN`]]\[column], empty without a second pass.
+    seen: &'a mut [f32],
 }
 
-/// Two full-resolution rows of the core, (2, columns, values); `y` counts half-resolution rows of the region.
-#[inline(always)]
-#[allow(clippy::too_many_arguments)]
-fn full_row_body<S: Simd>(
-    s: S,
-    levels: &Levels,
-    half: Option<&Planes>,
-    reach: &Reach,
-    albedo: &Reach,
-    y: usize,
-    out: &mut [f32],
-    seen: &mut [f32],
-) {
-    let Tile { core, region } = levels.tile;
-    let (level, channels, counts) = (&levels.pyramid.full, levels.channels, levels.predictor.taps);
-    let values = channels.values;
-    let (pitch, pair_pitch) = (counts.centre + counts.coarse + counts.albedo, counts.neighbour + 1);
-    let first = core.column - region.column;
-    let mut logits = levels.predictor.full.buffers(levels.neighbours.len());
-    let mut weights = TapWeights::default();
-    let mut modulation = vec![0.0; 3 * FULL_PHASES * SEGMENT];
-    let mut line = vec![0.0; values * FULL_PHASES * SEGMENT];
-    let (image, phases) = (&level.centre, FULL_PHASES);
-    for x in (first..first + core.columns).step_by(SEGMENT) {
-        let head = &levels.predictor.full;
-        head.predict(s, &levels.features[0], levels.pairs(0), y, x, &mut logits);
-        let coarse = &logits.centre[counts.centre * SEGMENT..];
-        let of_albedo = &coarse[counts.coarse * SEGMENT..];
-        let mask = channels.mask();
-        let own = Taps { image, phases, offsets: &reach.centre, logits: &logits.centre, pitch, mask, queries: None };
-        let mut taps = vec![Taps { queries: Some(&logits.centre[head.starts.queries * SEGMENT..]), ..own }];
-        let mut albedo_taps = vec![Taps { offsets: &albedo.centre, logits: of_albedo, ..own }];
-        for (n, (image, logits)) in level.neighbours.iter().zip(&logits.pairs).enumerate() {
-            let near = Taps { image, offsets: &reach.neighbours[n], logits, pitch: pair_pitch, ..own };
-            taps.push(Taps { queries: Some(&logits[head.pair_starts.queries * SEGMENT..]), ..near });
-            let logits = &logits[counts.neighbour * SEGMENT..];
-            albedo_taps.push(Taps { offsets: &albedo.neighbours[n], logits, ..near });
-        }
-        if let Some(image) = half {
-            taps.push(Taps { image, phases: 1, offsets: &reach.coarse, logits: coarse, ..own });
-            if levels.filters_albedo(1) {
-                let (logits, mask) = (&logits.centre[head.starts.albedo * SEGMENT..], channels.modulation_mask());
-                albedo_taps.push(Taps { image, phases: 1, offsets: &albedo.coarse, logits, pitch: counts.coarse, mask, ..own });
+impl SimdOp for FullRows<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<S: Simd>(self, s: S) {
+        let Self { levels, half, reach, albedo, y, out, seen } = self;
+        let Tile { core, region } = levels.tile;
+        let (level, channels, counts) = (&levels.pyramid.full, levels.channels, levels.predictor.taps);
+        let values = channels.values;
+        let (pitch, pair_pitch) = (counts.centre + counts.coarse + counts.albedo, counts.neighbour + 1);
+        let first = core.column - region.column;
+        let mut logits = levels.predictor.full.buffers(levels.neighbours.len());
+        let mut weights = TapWeights::default();
+        let mut modulation = vec![0.0; 3 * FULL_PHASES * SEGMENT];
+        let mut line = vec![0.0; values * FULL_PHASES * SEGMENT];
+        let (image, phases) = (&level.centre, FULL_PHASES);
+        for x in (first..first + core.columns).step_by(SEGMENT) {
+            let head = &levels.predictor.full;
+            head.predict(s, &levels.features[0], levels.pairs(0), y, x, &mut logits);
+            let coarse = &logits.centre[counts.centre * SEGMENT..];
+            let of_albedo = &coarse[counts.coarse * SEGMENT..];
+            let mask = channels.mask();
+            let own = Taps { image, phases, offsets: &reach.centre, logits: &logits.centre, pitch, mask, queries: None };
+            let mut taps = vec![Taps { queries: Some(&logits.centre[head.starts.queries * SEGMENT..]), ..own }];
+            let mut albedo_taps = vec![Taps { offsets: &albedo.centre, logits: of_albedo, ..own }];
+            for (n, (image, logits)) in level.neighbours.iter().zip(&logits.pairs).enumerate() {
+                let near = Taps { image, offsets: &reach.neighbours[n], logits, pitch: pair_pitch, ..own };
+                taps.push(Taps { queries: Some(&logits[head.pair_starts.queries * SEGMENT..]), ..near });
+                let logits = &logits[counts.neighbour * SEGMENT..];
+                albedo_taps.push(Taps { offsets: &albedo.neighbours[n], logits, ..near });
             }
-        }
-        let albedo_channels = channels.modulation()..channels.modulation() + 3;
-        apply(s, &albedo_taps, channels.key(), albedo_channels, y, x, &mut weights, &mut modulation);
-        own_where_zero(&mut modulation, image, channels.modulation(), y, x);
-        apply(s, &taps, channels.key(), 0..values, y, x, &mut weights, &mut line);
-        for (channel, line) in line.chunks_exact_mut(FULL_PHASES * SEGMENT).enumerate() {
-            let Some(c) = channels.modulated_by(channel) else { continue };
-            let modulation = &modulation[c * FULL_PHASES * SEGMENT..][..FULL_PHASES * SEGMENT];
-            line.iter_mut().zip(modulation).for_each(|(v, m)| *v *= m);
-        }
-        interleave(&line, values, x - first, core.columns, out);
-        let Some(codes) = levels.second else { continue };
-        let code: [f32; SEGMENT] = std::array::from_fn(|p| codes.at(y, (x + p).min(region.columns - 1)));
-        for (n, seen) in seen.chunks_exact_mut(SEEN * core.columns).enumerate() {
-            let second = &logits.pairs[n][head.pair_starts.second * SEGMENT..];
-            put_seen(second, &code, &level.neighbours[n], channels.mask(), (y, x, x - first), seen);
+            if let Some(image) = half {
+                taps.push(Taps { image, phases: 1, offsets: &reach.coarse, logits: coarse, ..own });
+                if levels.filters_albedo(1) {
+                    let (logits, mask) = (&logits.centre[head.starts.albedo * SEGMENT..], channels.modulation_mask());
+                    albedo_taps.push(Taps {
+                        image,
+                        phases: 1,
+                        offsets: &albedo.coarse,
+                        logits,
+                        pitch: counts.coarse,
+                        mask,
+                        ..own
+                    });
+                }
+            }
+            let albedo_channels = channels.modulation()..channels.modulation() + 3;
+            apply(s, &albedo_taps, channels.key(), albedo_channels, y, x, &mut weights, &mut modulation);
+            own_where_zero(&mut modulation, image, channels.modulation(), y, x);
+            apply(s, &taps, channels.key(), 0..values, y, x, &mut weights, &mut line);
+            for (channel, line) in line.chunks_exact_mut(FULL_PHASES * SEGMENT).enumerate() {
+                let Some(c) = channels.modulated_by(channel) else { continue };
+                let modulation = &modulation[c * FULL_PHASES * SEGMENT..][..FULL_PHASES * SEGMENT];
+                line.iter_mut().zip(modulation).for_each(|(v, m)| *v *= m);
+            }
+            interleave(&line, values, x - first, core.columns, out);
+            let Some(codes) = levels.second else { continue };
+            let code: [f32; SEGMENT] = std::array::from_fn(|p| codes.at(y, (x + p).min(region.columns - 1)));
+            for (n, seen) in seen.chunks_exact_mut(SEEN * core.columns).enumerate() {
+                let second = &logits.pairs[n][head.pair_starts.second * SEGMENT..];
+                put_seen(second, &code, &level.neighbours[n], channels.mask(), (y, x, x - first), seen);
+            }
         }
     }
 }
@@ -347,18 +357,6 @@ fn interleave(line: &[f32], values: usize, x: usize, columns: usize, out: &mut [
             }
         }
     }
-}
-
-dispatch! {
-    fn full_row(
-        levels: &Levels<'_>,
-        half: Option<&Planes>,
-        reach: &Reach,
-        albedo: &Reach,
-        y: usize,
-        out: &mut [f32],
-        seen: &mut [f32],
-    ) = full_row_body
 }
 
 /// The images of a region at the `levels` finest levels. `exposure` is the centre frame's.

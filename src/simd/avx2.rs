@@ -4,7 +4,7 @@ use std::arch::x86_64::*;
 
 use half::f16;
 
-use super::vector::{SQRT_HALF, Simd, SimdOp, sixteen, sixteen_mut};
+use super::vector::{SQRT_HALF, Simd, SimdOp, each_register, sixteen, sixteen_mut};
 
 /// Proof that the CPU has AVX2, FMA and F16C.
 #[derive(Clone, Copy, Debug)]
@@ -18,22 +18,9 @@ macro_rules! proven {
     };
 }
 
-// No closures: they would be functions of their own, compiled without the instruction set.
-macro_rules! both {
+macro_rules! each {
     ($i:ident => $e:expr) => {
-        // SAFETY: the token `self` proves that the CPU has these instructions; loads and stores go through checked arrays.
-        unsafe {
-            [
-                {
-                    let $i: usize = 0;
-                    $e
-                },
-                {
-                    let $i: usize = 1;
-                    $e
-                },
-            ]
-        }
+        each_register!([0, 1] $i => $e)
     };
 }
 
@@ -55,22 +42,22 @@ impl Simd for Avx2 {
     }
     #[inline(always)]
     fn splat(self, x: f32) -> Self::V {
-        both!(_i => _mm256_set1_ps(x))
+        each!(_i => _mm256_set1_ps(x))
     }
     #[inline(always)]
     fn load(self, from: &[f32], at: usize) -> Self::V {
         let p = sixteen(from, at).as_ptr();
-        both!(i => _mm256_loadu_ps(p.add(8 * i)))
+        each!(i => _mm256_loadu_ps(p.add(8 * i)))
     }
     #[inline(always)]
     fn load_f16(self, from: &[f16], at: usize) -> Self::V {
         let p = from[at..at + 16].as_ptr();
-        both!(i => _mm256_cvtph_ps(_mm_loadu_si128(p.add(8 * i).cast())))
+        each!(i => _mm256_cvtph_ps(_mm_loadu_si128(p.add(8 * i).cast())))
     }
     #[inline(always)]
     fn store(self, v: Self::V, to: &mut [f32], at: usize) {
         let p = sixteen_mut(to, at).as_mut_ptr();
-        both!(i => _mm256_storeu_ps(p.add(8 * i), v[i]));
+        each!(i => _mm256_storeu_ps(p.add(8 * i), v[i]));
     }
     #[inline(always)]
     fn prefetch(self, at: *const f32) {
@@ -78,54 +65,54 @@ impl Simd for Avx2 {
     }
     #[inline(always)]
     fn add(self, a: Self::V, b: Self::V) -> Self::V {
-        both!(i => _mm256_add_ps(a[i], b[i]))
+        each!(i => _mm256_add_ps(a[i], b[i]))
     }
     #[inline(always)]
     fn sub(self, a: Self::V, b: Self::V) -> Self::V {
-        both!(i => _mm256_sub_ps(a[i], b[i]))
+        each!(i => _mm256_sub_ps(a[i], b[i]))
     }
     #[inline(always)]
     fn mul(self, a: Self::V, b: Self::V) -> Self::V {
-        both!(i => _mm256_mul_ps(a[i], b[i]))
+        each!(i => _mm256_mul_ps(a[i], b[i]))
     }
     #[inline(always)]
     fn div(self, a: Self::V, b: Self::V) -> Self::V {
-        both!(i => _mm256_div_ps(a[i], b[i]))
+        each!(i => _mm256_div_ps(a[i], b[i]))
     }
     #[inline(always)]
     fn fma(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V {
-        both!(i => _mm256_fmadd_ps(a[i], b[i], c[i]))
+        each!(i => _mm256_fmadd_ps(a[i], b[i], c[i]))
     }
     #[inline(always)]
     fn max(self, a: Self::V, b: Self::V) -> Self::V {
-        both!(i => _mm256_max_ps(a[i], b[i]))
+        each!(i => _mm256_max_ps(a[i], b[i]))
     }
     #[inline(always)]
     fn min(self, a: Self::V, b: Self::V) -> Self::V {
-        both!(i => _mm256_min_ps(a[i], b[i]))
+        each!(i => _mm256_min_ps(a[i], b[i]))
     }
     #[inline(always)]
     fn where_positive(self, x: Self::V, a: Self::V) -> Self::V {
-        both!(i => _mm256_and_ps(_mm256_cmp_ps::<_CMP_GT_OQ>(x[i], _mm256_setzero_ps()), a[i]))
+        each!(i => _mm256_and_ps(_mm256_cmp_ps::<_CMP_GT_OQ>(x[i], _mm256_setzero_ps()), a[i]))
     }
     #[inline(always)]
     fn scale2(self, v: Self::V, n: Self::V) -> Self::V {
-        both!(i => {
+        each!(i => {
             let bits = _mm256_slli_epi32::<23>(_mm256_add_epi32(_mm256_cvtps_epi32(n[i]), _mm256_set1_epi32(127)));
             _mm256_mul_ps(v[i], _mm256_castsi256_ps(bits))
         })
     }
     #[inline(always)]
     fn round(self, v: Self::V) -> Self::V {
-        both!(i => _mm256_round_ps::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(v[i]))
+        each!(i => _mm256_round_ps::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(v[i]))
     }
     #[inline(always)]
     fn split(self, v: Self::V) -> (Self::V, Self::V) {
-        let e = both!(i => {
+        let e = each!(i => {
             _mm256_srai_epi32::<23>(_mm256_sub_epi32(_mm256_castps_si256(v[i]), _mm256_set1_epi32(SQRT_HALF)))
         });
-        let m = both!(i => _mm256_castsi256_ps(_mm256_sub_epi32(_mm256_castps_si256(v[i]), _mm256_slli_epi32::<23>(e[i]))));
-        (m, both!(i => _mm256_cvtepi32_ps(e[i])))
+        let m = each!(i => _mm256_castsi256_ps(_mm256_sub_epi32(_mm256_castps_si256(v[i]), _mm256_slli_epi32::<23>(e[i]))));
+        (m, each!(i => _mm256_cvtepi32_ps(e[i])))
     }
     #[inline(always)]
     fn transpose(self, rows: [Self::V; 16]) -> [Self::V; 16] {

@@ -33,12 +33,12 @@ macro_rules! back_ends {
 
             /// Runs `op` on this instruction set, or on the CPU's best where it lacks this one.
             pub fn run<Op: SimdOp>(self, op: Op) -> Op::Output {
-                match if self.is_available() { self } else { Self::best() } {
+                match self {
                     $(#[cfg($cfg)] Self::$variant => if let Some(simd) = <$token>::detect() { return simd.run(op) },)+
                     #[allow(unreachable_patterns, reason = "on a target that every back end is for")]
                     _ => {}
                 }
-                super::portable::Portable.run(op)
+                Self::best().run(op)
             }
         }
     };

@@ -5,36 +5,15 @@ use std::arch::asm;
 
 use half::f16;
 
-use super::vector::{SQRT_HALF, Simd, SimdOp, sixteen, sixteen_mut};
+use super::vector::{SQRT_HALF, Simd, SimdOp, each_register, sixteen, sixteen_mut};
 
 /// Proof that the CPU has NEON.
 #[derive(Clone, Copy, Debug)]
 pub struct Neon(());
 
-// No closures: they would be functions of their own, compiled without the instruction set.
 macro_rules! each {
     ($i:ident => $e:expr) => {
-        // SAFETY: the token `self` proves that the CPU has these instructions; loads and stores go through checked arrays.
-        unsafe {
-            [
-                {
-                    let $i: usize = 0;
-                    $e
-                },
-                {
-                    let $i: usize = 1;
-                    $e
-                },
-                {
-                    let $i: usize = 2;
-                    $e
-                },
-                {
-                    let $i: usize = 3;
-                    $e
-                },
-            ]
-        }
+        each_register!([0, 1, 2, 3] $i => $e)
     };
 }
 

@@ -112,3 +112,18 @@ pub(super) fn sixteen(from: &[f32], at: usize) -> &[f32; LANES] {
 pub(super) fn sixteen_mut(to: &mut [f32], at: usize) -> &mut [f32; LANES] {
     (&mut to[at..at + LANES]).try_into().expect("a slice of sixteen")
 }
+
+/// The values of an expression for each of a vector's registers, by their numbers. No closures: they would be functions of their own,
+/// compiled without the instruction set.
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+macro_rules! each_register {
+    ([$($number:literal),+] $i:ident => $e:expr) => {
+        // SAFETY: the caller's token `self` proves that the CPU has these instructions; loads and stores go through checked arrays.
+        unsafe { [$({
+            let $i: usize = $number;
+            $e
+        }),+] }
+    };
+}
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+pub(super) use each_register;

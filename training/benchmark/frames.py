@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,11 +19,12 @@ SPP = (4, 32)
 
 @dataclass(frozen=True)
 class Take:
-    """One shot at one number of samples."""
+    """One shot at one number of samples; the passes of its references are those of the cache, or of another one."""
 
     cache: Path
     shot: str
     spp: int
+    references: Path | None = None
 
     @property
     def noisy(self) -> Path:
@@ -45,13 +46,14 @@ class Take:
     @property
     def most_samples(self) -> Take:
         """The shot's take with the most samples that has every frame of the reference."""
-        found = [Take(self.cache, self.shot, spp) for spp in levels(self.cache, self.shot)]
+        found = [replace(self, spp=spp) for spp in levels(self.cache, self.shot)]
         return [take for take in found if set(numbers(self.reference)) <= set(numbers(take.noisy))][-1]
 
     @property
     def passes(self) -> list[Path]:
         """The folders of the reference's passes."""
-        return sorted((self.cache / self.shot).glob("pass[0-9]*"), key=lambda folder: int(folder.name.removeprefix("pass")))
+        folder = (self.references or self.cache) / self.shot
+        return sorted(folder.glob("pass[0-9]*"), key=lambda folder: int(folder.name.removeprefix("pass")))
 
     def average(self) -> None:
         """Writes the reference's frames, the means of the passes that have them, and those of its halves where there are two passes."""
@@ -89,12 +91,12 @@ def shared_levels(cache: Path, shots: Sequence[str]) -> list[int]:
     return sorted(set.intersection(*(set(levels(cache, shot)) for shot in shots)))
 
 
-def takes(cache: Path, shots: Sequence[str], spp: Sequence[int]) -> list[Take]:
+def takes(cache: Path, shots: Sequence[str], spp: Sequence[int], references: Path | None = None) -> list[Take]:
     """What can be measured; whatever has no reference yet, or too few noisy frames, is left out and said so."""
     found = []
     for shot in shots:
         for samples in spp:
-            take = Take(cache, shot, samples)
+            take = Take(cache, shot, samples, references)
             take.average()
             noisy, clean = numbers(take.noisy), numbers(take.reference)
             missing = sorted(set(clean) - set(noisy))

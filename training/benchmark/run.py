@@ -3,10 +3,12 @@
     python -m training.benchmark.run --cache runs/benchmark --hush target/release/hush --update training/RESULTS.md
     python -m training.benchmark.run --cache runs/benchmark --hush target/release/hush --lambdas 1,2,4,8,16,32,64
     python -m training.benchmark.run --cache runs/benchmark --hush target/release/hush --equal-error --shots interior
+    python -m training.benchmark.run --cache runs/benchmark-5.2 --references runs/benchmark --section benchmark-5.2 --hush …
 
 The cache comes from training.benchmark.render; frames without a reference are denoised, for their neighbours' sake, but not scored.
 OIDN's frames are kept in the cache, by its version; Hush's are made anew. Tables go to standard output and, with the numbers, to --out;
---update writes them into a document, between its markers.
+--update writes them into a document, between its markers. --references takes another cache's references, for the frames of another
+Blender whose beauty has the same mean: training.benchmark.same_mean tells.
 The unbiased errors are those of `hush eval` between the halves of the references' passes. Their brightness is what OIDN, as Cycles runs
 it, makes of the most samples that the shot has in the cache: bright as the truth, not made from the references, and the same for every
 method and every number of samples.
@@ -128,6 +130,7 @@ def lambdas(text: str) -> list[float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cache", type=Path, required=True, help="folder of training.benchmark.render")
+    parser.add_argument("--references", type=Path, help="folder of the references, where it is another one")
     parser.add_argument("--hush", type=Path, required=True, help="the program")
     parser.add_argument("--model", type=Path, help="other weights than the program's own")
     parser.add_argument("--out", type=Path, help="folder for Hush's frames and the results (CACHE/results)")
@@ -137,12 +140,13 @@ def main() -> None:
     parser.add_argument("--lambdas", type=lambdas, help="curves over these values, window ±2, instead of the tables")
     parser.add_argument("--equal-error", action="store_true", help="the samples that OIDN needs for Hush's error, instead of the tables")
     parser.add_argument("--update", type=Path, help="document to write the tables into, such as training/RESULTS.md")
+    parser.add_argument("--section", help="of the document (benchmark, lambda, equal-error)")
     parser.add_argument("--figure", type=Path, help="SVG for the curves (OUT/lambda.svg, OUT/equal-error.svg)")
     chosen = parser.parse_args()
     out = chosen.out or chosen.cache / "results"
     out.mkdir(parents=True, exist_ok=True)
     spp = chosen.spp or (shared_levels(chosen.cache, chosen.shots) if chosen.equal_error else SPP)
-    measured = takes(chosen.cache, chosen.shots, spp)
+    measured = takes(chosen.cache, chosen.shots, spp, chosen.references)
     if not measured:
         raise SystemExit(f"{chosen.cache}: nothing to measure yet; run training.benchmark.render")
     hush = Hush(chosen.hush, chosen.model, chosen.threads)
@@ -168,7 +172,7 @@ def main() -> None:
     print(text)
     if chosen.update:
         document = chosen.update.read_text(encoding="utf-8")
-        chosen.update.write_text(tables.replaced(document, name, text), encoding="utf-8")
+        chosen.update.write_text(tables.replaced(document, chosen.section or name, text), encoding="utf-8")
 
 
 if __name__ == "__main__":
