@@ -1,4 +1,4 @@
-//! Hush takes the noise out of Blender Cycles animations without flicker.
+//! Hush takes the noise out of Blender Cycles animations, with less flicker than frame by frame.
 //!
 //! A temporal, multi-scale, kernel-predicting denoiser after Vogels et al. 2018, "Denoising with Kernel Prediction and
 //! Asymmetric Loss Functions". This is the crate behind the program `hush`, the Python module and the Blender extension.

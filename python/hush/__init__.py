@@ -1,4 +1,4 @@
-"""Hush takes the noise out of Blender Cycles animations without flicker.
+"""Hush takes the noise out of Blender Cycles animations, with less flicker than frame by frame.
 
 For files: `denoise_sequence`, `dry_run_sequence`, `check_sequence`, `survey_sequence`, `inspect`. For one frame of them, to choose
 settings: `preview`, `preview_sheet`. For images in memory: `denoise` and `Denoiser`. `main` is the command line.

@@ -33,7 +33,7 @@ const EXIT_CODES: &str = "Exit codes:
   3    nothing was done, because the shot's settings switch denoising off
   130  stopped by Ctrl-C or SIGTERM; run the same command again to continue";
 
-/// Takes the noise out of Blender Cycles animations without flicker.
+/// Takes the noise out of Blender Cycles animations, with less flicker than frame by frame.
 #[derive(Parser)]
 #[command(name = "hush", version, after_help = EXIT_CODES, max_term_width = 110)]
 struct Cli {

@@ -22,7 +22,7 @@ settings! {
     /// Folder for the denoised frames; never the one with the inputs.
     output: PathBuf { kind: Kind::Path, usd: "hush:output", option: "--output", short: 'o', argument: "DIR", default: "none" }
 
-    /// Frames to write, such as 1-48,60; frames beside them still help.
+    /// Frames, such as 1-48,60; those beside them still help.
     frames: FrameSet { kind: Kind::Frames, usd: "hush:frames", option: "--frames", short: 'f', argument: "FRAMES", default: "all" }
 
     /// How much noise and hidden detail to keep, from 1 (cleanest) to 64; 1:1,24:8 goes from 1 at frame 1 to 8 at frame 24.
@@ -106,7 +106,7 @@ settings! {
         default: "constant, opaque, untrusted, still",
     }
 
-    /// A second pass over time, which averages each result with those around it: less flicker, from twice the frames around.
+    /// A second pass over time, which averages each result with those around it: a little less flicker, from twice the frames around.
     second_pass: bool { kind: Kind::Flag, effect: Engine, usd: "hush:secondPass", option: "--second-pass", default: "false" }
 
     /// Other weights, a safetensors file.
