@@ -161,8 +161,8 @@ impl Levels<'_> {
 }
 
 /// One row of a level below full resolution.
-struct CoarseRow<'a> {
-    levels: &'a Levels<'a>,
+struct CoarseRow<'a, 'b> {
+    levels: &'a Levels<'b>,
     head: &'a Head,
     known: (&'a Activation, Pairs<'a>),
     level: &'a Level,
@@ -175,7 +175,7 @@ struct CoarseRow<'a> {
     line: &'a mut [f32],
 }
 
-impl SimdOp for CoarseRow<'_> {
+impl SimdOp for CoarseRow<'_, '_> {
     type Output = ();
     #[inline(always)]
     fn run<S: Simd>(self, s: S) {
@@ -231,8 +231,8 @@ fn put(line: &mut [f32], stride: usize, first: usize, mask: usize, x: usize, fou
 }
 
 /// Two full-resolution rows of the core.
-struct FullRows<'a> {
-    levels: &'a Levels<'a>,
+struct FullRows<'a, 'b> {
+    levels: &'a Levels<'b>,
     half: Option<&'a Planes>,
     reach: &'a Reach,
     albedo: &'a Reach,
@@ -244,7 +244,7 @@ struct FullRows<'a> {
     seen: &'a mut [f32],
 }
 
-impl SimdOp for FullRows<'_> {
+impl SimdOp for FullRows<'_, '_> {
     type Output = ();
     #[inline(always)]
     fn run<S: Simd>(self, s: S) {
