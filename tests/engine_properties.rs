@@ -246,3 +246,22 @@ fn neighbours_of_a_moving_pattern_help_and_only_with_the_right_vectors() {
         assert!(with < other, "right {with}, {what} {other}");
     }
 }
+
+#[test]
+fn a_neighbour_with_an_albedo_is_left_out_where_the_frame_has_none_and_the_other_way_round() {
+    let engine = small();
+    let frames = |albedos: [bool; 3]| {
+        let frame = |(k, has): (usize, bool)| {
+            let mut frame = full(7 + k as u64, 24, 32);
+            frame.albedo = frame.albedo.filter(|_| has);
+            frame
+        };
+        encode(&engine, albedos.into_iter().enumerate().map(frame))
+    };
+    let all = frames([true; 3]);
+    let of = |albedos: [bool; 3], window: usize| bits(&denoise(&engine, &frames(albedos), 1, window, 1.0));
+    assert_ne!(bits(&denoise(&engine, &all, 1, 1, 1.0)), bits(&denoise(&engine, &all, 1, 0, 1.0)));
+    assert_eq!(of([false, true, false], 1), of([true, true, true], 0));
+    assert_eq!(of([true, false, true], 1), of([false, false, false], 0));
+    assert_eq!(of([true, true, false], 1), bits(&engine.denoise(&all[1], &[(-1, &all[0])], 1.0).unwrap()));
+}

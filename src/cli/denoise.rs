@@ -18,7 +18,7 @@ use crate::words::{self, counted};
 ///
 /// Every frame of the range is written into the output folder under its input's name, with the same layout and all other
 /// passes untouched. Frames that are there already, made from the same input with the same settings, are skipped; a run that
-/// was stopped is continued by running the same command again. What was done to each frame stands in hush-manifest.json there.
+/// was stopped is continued by running the same command again. What was done to each frame is recorded in hush-manifest.json there.
 #[derive(Args)]
 #[command(after_help = super::EXIT_CODES)]
 pub(super) struct DenoiseArgs {

@@ -1,5 +1,7 @@
 //! The denoiser on frames in memory: encode each frame once, denoise it with the encoded frames around it.
 
+use std::sync::OnceLock;
+
 use clock::Clock;
 pub use clock::{STAGES, Stage};
 pub use first_pass::FirstPass;
@@ -100,6 +102,12 @@ pub struct Engine {
     clock: Clock,
 }
 
+/// Whether this process was forked from one that made an engine: it has rayon's pool of all cores, but not that pool's threads.
+fn is_forked() -> bool {
+    static FIRST: OnceLock<u32> = OnceLock::new();
+    *FIRST.get_or_init(std::process::id) != std::process::id()
+}
+
 impl Engine {
     /// An engine with the embedded weights.
     ///
@@ -126,8 +134,9 @@ impl Engine {
         let second_pass = a.second_pass > 0 && settings.second_pass;
         let bad_threads = |e: rayon::ThreadPoolBuildError| Error::BadSetting { name: "threads", reason: e.to_string() };
         let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(bad_threads);
+        let every = || std::thread::available_parallelism().map_or(1, usize::from);
         Ok(Self {
-            pool: settings.threads.map(pool).transpose()?,
+            pool: settings.threads.or(is_forked().then(every)).map(pool).transpose()?,
             buffers: BufferPool::default(),
             isa: settings.isa.unwrap_or_else(Isa::detect),
             identity: Identity::new(weights.id.clone(), weights.renderer.as_deref(), settings.skip, second_pass),

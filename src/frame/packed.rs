@@ -43,6 +43,8 @@ pub struct PackedFrame {
     pub extra: usize,
     /// Whether extra channel 0 is alpha.
     pub has_alpha: bool,
+    /// Whether the colour is divided by an albedo.
+    pub has_albedo: bool,
     /// Names of the AOVs, three extra channels each.
     pub aov_names: Vec<String>,
     /// Vector pass X, Y, Z, W; the second pass keeps it longer than the frame.
@@ -92,14 +94,14 @@ impl PackedFrame {
             (0..1 + extra.div_ceil(8)).map(|_| Pixels::unspecified(padded_rows * padded_columns, pool)).collect();
         groups[1..].iter_mut().for_each(|group| group.fill([0.0; 8]));
         let (first, more) = groups.split_at_mut(1);
-        let colour = frame.colour;
+        let (colour, alpha) = (frame.colour, frame.alpha);
         first[0].par_chunks_mut(padded_columns).enumerate().for_each(|(y, row)| {
             let inside_row = y < rows;
             let y = y.min(rows - 1);
             for (x, lanes) in row.iter_mut().enumerate() {
                 let inside = inside_row && x < columns;
                 let x = x.min(columns - 1);
-                let finite = (0..3).all(|c| colour[[y, x, c]].is_finite());
+                let finite = (0..3).all(|c| colour[[y, x, c]].is_finite()) && alpha.is_none_or(|a| a[[y, x]].is_finite());
                 for c in 0..3 {
                     let modulation = frame.albedo.as_ref().map_or(1.0, |a| bounded(a[[y, x, c]], 0.0) + epsilon);
                     lanes[MODULATION + c] = modulation;
@@ -116,8 +118,7 @@ impl PackedFrame {
                 let y = y.min(rows - 1);
                 for (x, lanes) in row.iter_mut().enumerate() {
                     let x = x.min(columns - 1);
-                    let value = image.0[[y, x]];
-                    let value = if value.is_finite() { value.clamp(-MAX_RADIANCE, MAX_RADIANCE) } else { 0.0 };
+                    let value = finite_at(image.0, y, x).clamp(-MAX_RADIANCE, MAX_RADIANCE);
                     lanes[lane] = image.1.map_or(value.clamp(0.0, 1.0), |c| value / base[y * padded_columns + x][MODULATION + c]);
                 }
             });
@@ -135,6 +136,7 @@ impl PackedFrame {
             groups,
             extra,
             has_alpha,
+            has_albedo: frame.albedo.is_some(),
             aov_names,
             vectors,
             lambda_mask,
@@ -154,6 +156,20 @@ fn extra_channels<'a>(frame: &FrameView<'a>) -> Vec<(ArrayView2<'a, f32>, Option
     let alpha = frame.alpha.iter().map(|a| (*a, None));
     let aovs = frame.aovs.iter().flat_map(|(_, image)| (0..3).map(move |c| (image.slice_move(ndarray::s![.., .., c]), Some(c))));
     alpha.chain(aovs).collect()
+}
+
+/// A pixel's value, or the mean of the finite ones in the 5×5 pixels around it: one bad pixel of a light pass shall not make the beauty's
+/// unusable. 0 where there are none.
+fn finite_at(image: ArrayView2<f32>, y: usize, x: usize) -> f32 {
+    let value = image[[y, x]];
+    if value.is_finite() {
+        return value;
+    }
+    let (rows, columns) = image.dim();
+    let near = |at: usize, most: usize| at.saturating_sub(2)..(at + 3).min(most);
+    let around = image.slice(ndarray::s![near(y, rows), near(x, columns)]);
+    let (sum, count) = around.iter().filter(|v| v.is_finite()).fold((0.0, 0u32), |(s, n), v| (s + f64::from(*v), n + 1));
+    if count == 0 { 0.0 } else { (sum / f64::from(count)) as f32 }
 }
 
 fn pack_vectors(v: ArrayView3<f32>, padded_rows: usize, padded_columns: usize, pool: &BufferPool) -> Pixels<4> {
@@ -196,6 +212,21 @@ mod tests {
         assert_eq!(invalid, 64 - 15 + 2);
         assert_eq!(packed.groups[0][0][COLOUR + 2], 0.0);
         assert!(packed.groups[0].iter().flatten().all(|v| v.is_finite()));
+    }
+
+    #[test]
+    fn bad_alpha_spoils_its_pixel_and_a_bad_light_pass_is_filled_in() {
+        let mut alpha = Array2::from_elem((8, 8), 1.0);
+        alpha[[2, 3]] = f32::NAN;
+        let mut light = Array3::from_shape_fn((8, 8, 3), |(_, x, _)| x as f32);
+        light[[4, 4, 1]] = f32::INFINITY;
+        let mut frame = Frame { alpha: Some(alpha), ..Frame::new(Array3::from_elem((8, 8, 3), 0.5)) };
+        frame.aovs = vec![crate::frame::Aov { name: "Light".into(), image: light }];
+        let packed = PackedFrame::new(&frame.view(), 0.05, &BufferPool::default()).unwrap();
+        let invalid: Vec<usize> = (0..64).filter(|i| packed.groups[0][*i][INVALID] > 0.0).collect();
+        assert_eq!(invalid, [2 * 8 + 3]);
+        // Alpha is the first of the extra channels; the pixels around have a mean of 4 as the pixel itself would.
+        assert_eq!(packed.groups[1][4 * 8 + 4][1..4], [4.0, 4.0, 4.0]);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use ndarray::{Array3, ArrayView, ArrayViewMut3, Axis, Dimension, Ix2, Ix3, s};
 use numpy::prelude::*;
-use numpy::{IxDyn, PyArray3, PyArrayDyn, PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArray, dtype};
+use numpy::{BorrowError, IxDyn, PyArray3, PyArrayDyn, PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArray, dtype};
 use pyo3::exceptions::{PyTypeError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -136,8 +136,22 @@ pub fn color_of(denoised: Denoised) -> (Array3<f32>, Vec<(String, Array3<f32>)>)
 pub struct Out<'py>(PyReadwriteArrayDyn<'py, f32>);
 
 impl<'py> Out<'py> {
-    /// Refuses an array that cannot take an image of this shape; call it before the work is done and again after.
+    /// Refuses an array that cannot take an image of this shape. `is_input`: it is `color` itself, which is borrowed while it is read.
+    pub fn check(array: &Bound<'py, PyAny>, shape: &[usize], is_input: bool) -> PyResult<()> {
+        let array = Self::fitting(array, shape)?;
+        if is_input {
+            let writable: bool = array.getattr("flags")?.getattr("writeable")?.extract()?;
+            return if writable { Ok(()) } else { Err(PyValueError::new_err("out: color cannot be written")) };
+        }
+        Self::borrowed(&array).map(drop)
+    }
+
+    /// The array, to write into; the same is refused as by [`check`](Self::check).
     pub fn new(array: &Bound<'py, PyAny>, shape: &[usize]) -> PyResult<Self> {
+        Self::borrowed(&Self::fitting(array, shape)?)
+    }
+
+    fn fitting(array: &Bound<'py, PyAny>, shape: &[usize]) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
         let good = |a: &&Bound<'py, PyArrayDyn<f32>>| a.is_aligned() && a.is_c_contiguous();
         let Some(array) = array.cast::<PyArrayDyn<f32>>().ok().filter(good) else {
             return Err(PyTypeError::new_err("out: expected a C-contiguous float32 array: numpy.empty_like(color, order='C')"));
@@ -145,7 +159,17 @@ impl<'py> Out<'py> {
         if array.shape() != shape {
             return Err(bad_shape("out", array.shape(), &format!("{} like color", tuple(shape))));
         }
-        array.try_readwrite().map(Self).map_err(|e| PyValueError::new_err(format!("out: {e}")))
+        Ok(array.clone())
+    }
+
+    fn borrowed(array: &Bound<'py, PyArrayDyn<f32>>) -> PyResult<Self> {
+        let refused = |e: BorrowError| match e {
+            BorrowError::AlreadyBorrowed => {
+                "out: it shares memory with an input; give color itself, or an array of its own".into()
+            }
+            other => format!("out: {other}"),
+        };
+        array.try_readwrite().map(Self).map_err(|e| PyValueError::new_err(refused(e)))
     }
 
     /// The memory.

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 use std::path::PathBuf;
-use std::sync::{Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use ndarray::Array3;
 use numpy::PyArray3;
@@ -10,13 +10,27 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::arrays::{Given, Lam, Out, Passes, color_of, to_numpy};
+use super::errors::HushError;
 use super::settings::{check_lam, check_window, engine};
 use crate::engine::{EncodedFrame, Engine, FirstPass, SILENT};
 use crate::error::Result;
 use crate::rules::window::LAMBDA_RANGE;
 
-/// The engine with the default settings, made at the first call.
-static DEFAULT: OnceLock<Engine> = OnceLock::new();
+/// The engine with the default settings, made at a process's first call: a forked one has not the threads of its parent's.
+static DEFAULT: Mutex<Option<(u32, Arc<Engine>)>> = Mutex::new(None);
+
+/// The engine with the default settings.
+fn default_engine(py: Python<'_>) -> PyResult<Arc<Engine>> {
+    let kept = || DEFAULT.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some((process, engine)) = kept().as_ref()
+        && *process == std::process::id()
+    {
+        return Ok(Arc::clone(engine));
+    }
+    let made = Arc::new(engine(py, None, None, None, None, false)?);
+    *kept() = Some((std::process::id(), Arc::clone(&made)));
+    Ok(made)
+}
 
 /// Denoises one image by itself.
 ///
@@ -30,7 +44,8 @@ static DEFAULT: OnceLock<Engine> = OnceLock::new();
 ///     lam: λ from 1 (cleanest) to 64 (keeps grain and the detail hidden in it), or an array of (height, width)
 ///         with one for each pixel; in an array less than 1 counts as 1, more than 64 as 64, NaN as 1, with a UserWarning.
 ///     out: Where to put the result, a C-contiguous float32 array of color's shape; it may be color itself.
-///     memory: Bytes for the frame and the computing; None for 3.1 GiB. Less is slower and gives the same bits.
+///     memory: Bytes for the frame and the computing, some hundred million at least; None for 3.1 GiB. Less is slower and gives the
+///         same bits.
 ///     threads: Threads, 1 to 4096; None for all cores. Any number gives the same bits.
 ///     model: Other weights, a safetensors file. They are read at every call; a Denoiser reads them once.
 ///     renderer: What made the image, one that the weights have an encoder for: "cycles" or "mitsuba"; None for the first, Cycles.
@@ -64,18 +79,10 @@ pub fn denoise<'py>(
     renderer: Option<&str>,
 ) -> PyResult<Py<PyAny>> {
     let passes = Passes::new(&Given { color, albedo, normal, depth, vector, aovs: None })?;
-    let own;
     let engine = if (memory, threads, &model, renderer) == (None, None, &None, None) {
-        match DEFAULT.get() {
-            Some(engine) => engine,
-            None => {
-                let made = engine(py, None, None, None, None, false)?;
-                DEFAULT.get_or_init(|| made)
-            }
-        }
+        default_engine(py)?
     } else {
-        own = engine(py, model, renderer, memory, threads, false)?;
-        &own
+        Arc::new(engine(py, model, renderer, memory, threads, false)?)
     };
     let frame = passes.view()?;
     let lam = Lam::new(lam, frame.size(), LAMBDA_RANGE.0)?;
@@ -89,9 +96,7 @@ pub fn denoise<'py>(
     match out {
         None => Ok(to_numpy(py, py.detach(work)?).into_any()),
         Some(out) => {
-            if !out.is(color) {
-                Out::new(out, &shape)?;
-            }
+            Out::check(out, &shape, out.is(color))?;
             let image = py.detach(work)?;
             // The input may be the output: its memory is given back first.
             drop(passes);
@@ -108,7 +113,7 @@ pub struct Denoised {
     color: Py<PyArray3<f32>>,
     /// Light passes by name, each (height, width, 3), float32.
     aovs: Py<PyDict>,
-    /// What `push` was given; without, the frame's place among those pushed, from 0.
+    /// What `push` was given; without, the frame's place among all that the denoiser was given, from 0.
     tag: Py<PyAny>,
 }
 
@@ -143,6 +148,8 @@ impl Denoised {
 #[pyclass(frozen, module = "hush")]
 pub struct Denoiser {
     engine: Engine,
+    /// The process that made it: after a fork its threads are not there.
+    process: u32,
     /// Frames on each side that help.
     #[pyo3(get)]
     window: usize,
@@ -197,7 +204,7 @@ impl Denoiser {
     ) -> PyResult<Self> {
         let (window, lam) = (check_window(window)?, check_lam(lam)?);
         let engine = engine(py, model, renderer, memory, threads, second_pass)?;
-        Ok(Self { engine, window, lam, state: Mutex::default() })
+        Ok(Self { engine, process: std::process::id(), window, lam, state: Mutex::default() })
     }
 
     /// Takes the next frame.
@@ -235,6 +242,7 @@ impl Denoiser {
         lam: Option<&Bound<'py, PyAny>>,
         tag: Option<Py<PyAny>>,
     ) -> PyResult<Vec<Denoised>> {
+        self.check_process()?;
         let passes = Passes::new(&Given { color, albedo, normal, depth, vector, aovs })?;
         let frame = passes.view()?;
         let lam = Lam::new(lam, frame.size(), self.lam)?;
@@ -254,6 +262,7 @@ impl Denoiser {
     /// Returns:
     ///     The frames, in order; as many as `pending` says.
     fn flush(&self, py: Python<'_>) -> PyResult<Vec<Denoised>> {
+        self.check_process()?;
         let ready = py.detach(|| {
             let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
             let ready = state.advance(&self.engine, self.window, true);
@@ -271,6 +280,15 @@ impl Denoiser {
             let state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
             state.slots.len() - state.done
         })
+    }
+}
+
+impl Denoiser {
+    fn check_process(&self) -> PyResult<()> {
+        match self.process == std::process::id() {
+            true => Ok(()),
+            false => Err(HushError::new_err("this Denoiser was made before the process was forked: make one in each process")),
+        }
     }
 }
 

@@ -23,7 +23,7 @@ pub enum Unused {
     Bad,
     /// It has another resolution.
     OtherSize,
-    /// It has other views or other light passes.
+    /// It has other views or other light passes, or an albedo where the frame has none, or none where it has one.
     OtherPasses,
     /// The frame itself has no Vector pass to find its neighbours with.
     NoVector,
@@ -51,7 +51,7 @@ pub enum Availability {
     Missing,
     /// The file cannot be read.
     Bad,
-    /// Readable. `passes` differs where the views or the light passes differ.
+    /// Readable. `passes` differs where the views or the light passes differ, or one has an albedo.
     Good { columns: usize, rows: usize, vector: bool, passes: u64 },
 }
 

@@ -50,7 +50,7 @@ impl InputFile {
         };
         let mut hasher = DefaultHasher::new();
         for view in &views {
-            (view.columns, view.rows, &view.layer, &view.view).hash(&mut hasher);
+            (view.columns, view.rows, &view.layer, &view.view, view.albedo.is_some()).hash(&mut hasher);
             view.aovs.iter().for_each(|a| a.name.hash(&mut hasher));
         }
         Ok(Self { path: layout.path.clone(), layout, views, header, passes: hasher.finish() })

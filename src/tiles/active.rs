@@ -1,9 +1,15 @@
 //! Which blocks of a frame need computing: those where the pixels that could be averaged differ.
 
+use rayon::prelude::*;
+
 use crate::frame::ranges::{BLOCK, Range, Ranges};
 
 /// How far apart values may lie, relative to the least: half a step of float16 at its coarsest.
 const APART: f32 = 1.0 / 4096.0;
+
+/// Where the motion around a block spreads over more than so many times the block's reach, nothing is left out there: to look at all
+/// of it would take longer than to compute.
+const MOST: f32 = 8.0;
 
 /// The ranges of the frames from the centre to a neighbour.
 pub struct RangePath<'a> {
@@ -44,6 +50,12 @@ impl Area {
         rows.flat_map(move |row| columns.clone().map(move |column| (row, column)))
     }
 
+    /// Pixels of it inside the frame, about.
+    fn inside(&self, ranges: &Ranges) -> f32 {
+        let part = |range: (f32, f32), blocks: usize| (range.1.min((blocks * BLOCK) as f32) - range.0.max(0.0)).max(0.0);
+        part(self.rows, ranges.rows) * part(self.columns, ranges.columns)
+    }
+
     /// Where its pixels lie one frame later or earlier; None where no vector is a number.
     fn moved(&self, ranges: &Ranges, later: bool) -> Option<Self> {
         let mut v = [Range::EMPTY; 4];
@@ -65,21 +77,22 @@ impl Area {
 
 /// The blocks of `centre` that need computing: `reach` is how far from a pixel its taps go, in pixels.
 pub fn active_blocks(centre: &Ranges, paths: &[RangePath], reach: usize) -> Blocks {
-    let mut active = Vec::with_capacity(centre.rows * centre.columns);
-    let mut joined = vec![Range::EMPTY; centre.channels];
-    for row in 0..centre.rows {
-        for column in 0..centre.columns {
-            let around = |block: usize| ((block * BLOCK) as f32 - reach as f32, ((block + 1) * BLOCK + reach) as f32 - 1.0);
-            let area = Area { rows: around(row), columns: around(column) };
+    let around = |block: usize| ((block * BLOCK) as f32 - reach as f32, ((block + 1) * BLOCK + reach) as f32 - 1.0);
+    let row = |row: usize| {
+        let mut joined = vec![Range::EMPTY; centre.channels];
+        let active = move |column: usize| {
             joined.fill(Range::EMPTY);
-            active.push(!uniform(centre, paths, area, &mut joined));
-        }
-    }
+            !uniform(centre, paths, Area { rows: around(row), columns: around(column) }, &mut joined)
+        };
+        (0..centre.columns).map(active).collect::<Vec<bool>>()
+    };
+    let active = (0..centre.rows).into_par_iter().flat_map_iter(row).collect();
     Blocks { rows: centre.rows, columns: centre.columns, active }
 }
 
 /// Whether all pixels that could be averaged from an area are alike.
 fn uniform(centre: &Ranges, paths: &[RangePath], area: Area, joined: &mut [Range]) -> bool {
+    let most = MOST * (area.rows.1 - area.rows.0) * (area.columns.1 - area.columns.0);
     let mut alike = |ranges: &Ranges, area: Area| {
         area.blocks(ranges).all(|(row, column)| {
             joined.iter_mut().zip(ranges.block(row, column)).for_each(|(all, one)| all.join(*one));
@@ -90,12 +103,16 @@ fn uniform(centre: &Ranges, paths: &[RangePath], area: Area, joined: &mut [Range
         return false;
     }
     paths.iter().all(|path| {
-        let steps = path.frames.iter().take(path.frames.len() - 1);
-        let place = steps.copied().try_fold(area, |area, frame| area.moved(frame, path.later));
-        match (place, path.frames.last()) {
-            (Some(place), Some(last)) => alike(last, place),
-            _ => true,
+        let Some((last, steps)) = path.frames.split_last() else { return true };
+        let mut place = area;
+        for frame in steps {
+            if place.inside(frame) > most {
+                return false;
+            }
+            let Some(moved) = place.moved(frame, path.later) else { return true };
+            place = moved;
         }
+        place.inside(last) <= most && alike(last, place)
     })
 }
 
@@ -110,5 +127,33 @@ fn are_close(ranges: &[Range]) -> bool {
         // Each extra channel belongs to one of the modulations or to none; the widest of them covers all.
         let widest = modulation.iter().map(|m| m.high / m.low).fold(1.0, f32::max);
         extra.iter().all(|v| dark(v) || near(v.low.min(v.low * widest), v.high.max(v.high * widest)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ndarray::Array3;
+
+    use super::*;
+    use crate::frame::Frame;
+    use crate::frame::packed::PackedFrame;
+    use crate::memory::BufferPool;
+
+    /// Of a black frame whose vectors reach so far at some pixels.
+    fn ranges(far: f32) -> Ranges {
+        let mut frame = Frame::new(Array3::zeros((512, 512, 3)));
+        frame.vector = Some(Array3::from_shape_fn((512, 512, 4), |(y, x, _)| if (y + x) % 7 == 0 { far } else { -far }));
+        Ranges::new(&PackedFrame::new(&frame.view(), 0.05, &BufferPool::default()).unwrap())
+    }
+
+    #[test]
+    fn a_black_frame_needs_no_computing_unless_its_motion_goes_everywhere() {
+        for (far, active) in [(0.0, false), (3.0, false), (3000.0, true)] {
+            let ranges = ranges(far);
+            let path = RangePath { frames: vec![&ranges, &ranges], later: true };
+            let found = active_blocks(&ranges, &[path], 40);
+            assert_eq!((found.rows, found.columns, found.active.len()), (32, 32, 1024));
+            assert!(found.active.iter().all(|a| *a == active), "{far}");
+        }
     }
 }

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import gc
+import os
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -153,6 +156,33 @@ def test_the_result_goes_where_it_is_wanted(frame: Passes, clean: np.ndarray) ->
     clean_view.flags.writeable = False
     with pytest.raises(ValueError, match="out"):
         hush.denoise(**frame, out=clean_view)
+    with pytest.raises(ValueError, match="out: color cannot be written"):
+        hush.denoise(**{**frame, "color": clean_view}, out=clean_view)
+    with pytest.raises(ValueError, match="give color itself"):
+        hush.denoise(**{**frame, "color": place}, out=place[:])
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+def test_a_forked_process_denoises_with_an_engine_of_its_own(tmp_path: Path) -> None:
+    program = """
+import multiprocessing, sys, hush, numpy as np
+color = np.full((16, 16, 3), 0.5, np.float32)
+clean, denoiser = hush.denoise(color), hush.Denoiser(window=0)
+def child(answers):
+    try:
+        denoiser.push(color)
+    except hush.HushError as error:
+        answers.put((str(error), hush.denoise(color).tobytes(), hush.Denoiser(window=0).push(color)[0].color.tobytes()))
+context = multiprocessing.get_context("fork")
+answers = context.Queue()
+process = context.Process(target=child, args=(answers,))
+process.start()
+message, *images = answers.get(timeout=60)
+assert "forked" in message, message
+assert images == [clean.tobytes()] * 2
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=False, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize(
