@@ -104,6 +104,29 @@ fn wrong_usage_is_exit_code_one() {
     }
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn the_input_folder_is_refused_under_another_mount_path() {
+    let shot = Shot::new(1..=2, Look::default());
+    std::fs::create_dir(shot.dir.path().join("alias")).unwrap();
+    let mounted = |args: &str| {
+        let script = format!("mount --bind shot alias && exec '{}' {args}", env!("CARGO_BIN_EXE_hush"));
+        Command::new("unshare").args(["-rm", "sh", "-c", &script]).current_dir(shot.dir.path()).output()
+    };
+    if !mounted("--version").is_ok_and(|output| output.status.success()) {
+        return eprintln!("not tried: mounting is not allowed here");
+    }
+    let before = std::fs::read(shot.input(1)).unwrap();
+    for args in
+        ["denoise shot -o alias --overwrite", "denoise shot/f_0001.exr -o alias --overwrite", "watch shot -o alias --once"]
+    {
+        let refused = mounted(args).unwrap();
+        assert_eq!(refused.status.code(), Some(1), "{args}: {}", err(&refused));
+        assert!(err(&refused).contains("overwritten"), "{args}: {}", err(&refused));
+        assert_eq!(std::fs::read(shot.input(1)).unwrap(), before, "{args}");
+    }
+}
+
 #[test]
 fn what_is_not_there_is_said_in_words() {
     let shot = Shot::new([], Look::default());

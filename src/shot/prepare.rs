@@ -13,7 +13,7 @@ use super::frame_settings::FrameSettings;
 use super::input_file::InputFile;
 use super::job::Job;
 use super::ledger::Ledger;
-use super::manifest::{Entry, MANIFEST, Manifest, NeighbourEntry};
+use super::manifest::{DAMAGED, Entry, MANIFEST, Manifest, NeighbourEntry};
 use super::output::{check_output, output_path};
 use crate::engine::Identity;
 use crate::error::{Error, Result};
@@ -110,8 +110,9 @@ impl Plan {
     /// Reads the headers of the range and its neighbours, and the output folder's manifest. Writes nothing.
     ///
     /// # Errors
-    /// A setting out of range, an output folder that holds the inputs or foreign files of the same names, no usable frame, a
-    /// window asked for without a Vector pass; with `strict` any missing or bad frame and a changing resolution.
+    /// A setting out of range, an output folder that holds the inputs or foreign files of the same names, a manifest that
+    /// cannot be read or is of a later version, no usable frame, a window asked for without a Vector pass; with `strict` any
+    /// missing or bad frame and a changing resolution.
     pub fn new(job: &Job) -> Result<Self> {
         Self::with(job, &job.settings.identity()?, &mut Ledger::new(&job.output))
     }
@@ -147,10 +148,15 @@ impl Plan {
         // Of a shot that is still being rendered, nobody knows the step.
         warnings.extend(checks::apart(step).filter(|_| window > 0 && job.whole.is_none()));
         let empty = Manifest::default();
-        let manifest = ledger.read().unwrap_or_else(|e| {
-            warnings.push(Warning::new(WarningKind::Manifest, format!("{e}: what it says about the frames there is not known")));
-            &empty
-        });
+        let manifest = match ledger.read() {
+            // A run replaces it.
+            Err(e @ Error::BadFile { .. }) => {
+                let lost = "what it says about the frames there is not known";
+                warnings.push(Warning::new(WarningKind::Manifest, format!("{e}: {lost}; a run keeps it as {DAMAGED}")));
+                &empty
+            }
+            known => known?,
+        };
         let frames = plan_frames(job, &targets, &settings, &sources, manifest, &mut files)?;
         let entry = |f: &PlannedFrame| manifest.entry(&f.output).map(|e| (f.frame, e.clone()));
         let before = frames.iter().filter_map(entry).collect();
