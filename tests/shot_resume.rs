@@ -110,6 +110,30 @@ fn files_of_others_are_left_alone() {
 }
 
 #[test]
+fn frames_of_another_shot_are_left_alone() {
+    let (shot, other) = (Shot::new(1..=2, Look::default()), Shot::new([], Look::default()));
+    for n in 1..=2 {
+        write_frame(&other.input(n), n, Look { seed: Some(n as u32 + 500), ..Look::default() });
+    }
+    shot.run(&shot.job());
+    let before = fs::read(shot.output(2)).unwrap();
+    let into = Job { output: shot.out(), ..other.job() };
+    let refused = shot.run(&into).error();
+    assert!(refused.contains("(2 such files)") && refused.contains("set overwrite to true"), "{refused}");
+    assert!(refused.contains(&shot.input(1).display().to_string()), "{refused}");
+    assert_eq!(fs::read(shot.output(2)).unwrap(), before);
+    assert_eq!(shot.run(&shot.job()).log.with(Status::Skipped), [1, 2]);
+    // A shot that was moved, and then rendered again.
+    let moved = shot.dir.path().join("moved");
+    fs::rename(shot.folder(), &moved).unwrap();
+    let job = Job::new(hush::io::sequence::Sequence::find(&[&moved]).unwrap(), shot.out());
+    assert_eq!(shot.run(&job).log.with(Status::Skipped), [1, 2]);
+    write_frame(&moved.join(name(2)), 2, Look { seed: Some(77), ..Look::default() });
+    assert_eq!(shot.run(&job).log.with(Status::Denoised), [1, 2]);
+    assert!(shot.run(&Job { overwrite: true, ..into }).summary().is_complete());
+}
+
+#[test]
 fn a_damaged_manifest_is_told() {
     let shot = Shot::new(1..=2, Look::default());
     shot.run(&shot.job());

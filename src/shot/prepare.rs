@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
-use super::currency::{Wanted, same_input, why_stale};
+use super::currency::{Wanted, is_of_another_shot, same_input, why_stale};
 use super::dial::FrameDial;
 use super::events::Status;
 use super::file_state::{FileMemory, FileState, Stamp};
@@ -293,6 +293,7 @@ fn plan_frames(
 ) -> Result<Vec<PlannedFrame>> {
     let mut frames = Vec::with_capacity(targets.len());
     let mut foreign: Vec<PathBuf> = Vec::new();
+    let mut others: Vec<(PathBuf, PathBuf)> = Vec::new();
     let mut worse: Vec<(i64, String)> = Vec::new();
     for &number in targets {
         let Some(source) = job.sequence.path(number) else { continue };
@@ -311,6 +312,10 @@ fn plan_frames(
             None => match entry {
                 _ if let Some(reason) = no_image => Action::Fail(reason),
                 _ if job.overwrite || !output.exists() => Action::Denoise(None),
+                Some(entry) if is_of_another_shot(entry, source, files) => {
+                    others.push((output.clone(), entry.source.clone()));
+                    Action::Denoise(None)
+                }
                 Some(entry) => {
                     let image = lambda_image.as_deref();
                     let wanted = Wanted { job, settings, window: &window, lambda_image: image };
@@ -349,6 +354,15 @@ fn plan_frames(
             counted(foreign.len(), "such file")
         );
         return Err(Error::io(first, std::io::Error::new(std::io::ErrorKind::AlreadyExists, reason)));
+    }
+    if let Some((first, source)) = others.first() {
+        let reason = format!(
+            "was made from {}, which is another frame and still there ({}): choose another output folder or set overwrite to true to \
+             replace what is there",
+            source.display(),
+            counted(others.len(), "such file")
+        );
+        return Err(Error::BadInput { input: first.display().to_string(), reason });
     }
     if let Some((_, why)) = worse.first() {
         let numbers: Vec<i64> = worse.iter().map(|(n, _)| *n).collect();
