@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::currency::{Wanted, is_of_another_shot, same_input, why_stale};
 use super::dial::FrameDial;
 use super::events::Status;
-use super::file_state::{FileMemory, FileState, Stamp};
+use super::file_state::{FileMemory, FileState};
 use super::frame_settings::FrameSettings;
 use super::input_file::InputFile;
 use super::job::Job;
@@ -83,13 +83,13 @@ pub(super) struct Sources {
     ends: Option<(i64, i64)>,
     pub good: BTreeMap<i64, InputFile>,
     pub bad: BTreeMap<i64, String>,
-    /// The files as they are when the run starts.
-    pub stamps: BTreeMap<i64, Option<Stamp>>,
+    /// The files as they are when the run starts, without their content.
+    pub stamps: BTreeMap<i64, Option<FileState>>,
 }
 
 impl Sources {
     /// A file as it was when the run started.
-    pub fn stamp(&self, number: i64) -> Option<Stamp> {
+    pub fn stamp(&self, number: i64) -> Option<FileState> {
         self.stamps.get(&number).copied().flatten()
     }
 
@@ -175,7 +175,7 @@ impl Plan {
         Entry {
             frame: frame.frame,
             source: std::path::absolute(&frame.source).unwrap_or_else(|_| frame.source.clone()),
-            stamp: self.sources.stamp(frame.frame).map(FileState::from),
+            stamp: self.sources.stamp(frame.frame),
             lambda_image: None,
             output: None,
             status: Status::Planned,
@@ -192,13 +192,13 @@ impl Plan {
     /// The entry of a frame that is current. Files that were only copied or touched since are known by their new dates.
     pub(super) fn skipped(&self, before: &Entry, frame: &PlannedFrame) -> Entry {
         let (output, image) = (&frame.output, frame.lambda_image.as_deref());
-        let dated = |state: Option<FileState>, stamp: Option<Stamp>| {
-            state.map(|state| FileState { stamp: stamp.unwrap_or(state.stamp), ..state })
+        let dated = |then: Option<FileState>, now: Option<FileState>| {
+            then.map(|then| FileState { content: then.content, ..now.unwrap_or(then) })
         };
         let mut entry = Entry { status: Status::Skipped, reason: Some("already done".into()), ..before.clone() };
         entry.stamp = dated(entry.stamp, self.sources.stamp(entry.frame));
-        entry.output = dated(entry.output, Stamp::of(output));
-        entry.lambda_image = dated(entry.lambda_image, image.and_then(Stamp::of));
+        entry.output = dated(entry.output, FileState::of(output));
+        entry.lambda_image = dated(entry.lambda_image, image.and_then(FileState::of));
         for neighbour in &mut entry.neighbours {
             neighbour.stamp = dated(neighbour.stamp, self.sources.stamp(neighbour.frame));
         }
@@ -212,7 +212,7 @@ impl Plan {
 }
 
 fn neighbour_entry(n: &WindowFrame, sources: &Sources) -> NeighbourEntry {
-    let stamp = sources.stamp(n.number).map(FileState::from);
+    let stamp = sources.stamp(n.number);
     NeighbourEntry { offset: n.offset, frame: n.number, used: n.unused.is_none(), reason: n.unused, stamp, dial: None }
 }
 
@@ -232,7 +232,7 @@ pub(super) fn open_sources(
     let mut first_error = None;
     let selection = job.selection();
     for frame in job.sequence.frames.iter().filter(|f| near(f.number)) {
-        sources.stamps.insert(frame.number, Stamp::of(&frame.path));
+        sources.stamps.insert(frame.number, FileState::of(&frame.path));
         match files.layout(&frame.path).and_then(|layout| InputFile::new(frame.number, layout, &selection)) {
             Ok(source) => _ = sources.good.insert(frame.number, source),
             Err(error) => {
