@@ -136,7 +136,7 @@ fn changed(_: &Metadata) -> Option<u64> {
 /// Whether dates of whole seconds, or of two as on FAT, may hide one more change.
 fn is_fresh(modified: u64, changed: Option<u64>, now: u64) -> bool {
     let dates = [Some(modified), changed];
-    dates.iter().flatten().all(|date| date % 1000 == 0) && dates.iter().flatten().any(|date| now < date + 2000)
+    dates.iter().flatten().all(|date| date % 1000 == 0) && dates.iter().flatten().any(|date| now < date.saturating_add(2000))
 }
 
 /// What earlier looks at files found, so that one more look at a file that did not change costs a `stat`.
@@ -256,11 +256,11 @@ mod tests {
         let write = |path: &Path, text: &str| {
             std::fs::write(path, text).unwrap();
             File::options().write(true).open(path).unwrap().set_modified(date).unwrap();
+            // The system's own dates are some milliseconds apart.
+            std::thread::sleep(Duration::from_millis(30));
         };
         write(&path, "noise");
         let then = FileState::read(&path);
-        // Dates of the system's own are some milliseconds apart.
-        std::thread::sleep(Duration::from_millis(30));
         let mut files = FileMemory::default();
         assert!(files.is_same(Some(&path), then));
         // As `rsync -a` replaces a file and `cp -p` writes over one.
