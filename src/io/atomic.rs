@@ -134,10 +134,10 @@ fn folder_of(path: &Path) -> &Path {
 
 /// Makes the rename itself durable; file systems that cannot sync folders lose nothing by it.
 fn sync_folder(destination: &Path) {
-    if cfg!(unix) {
-        if let Ok(folder) = File::open(folder_of(destination)) {
-            let _ = folder.sync_all();
-        }
+    if cfg!(unix)
+        && let Ok(folder) = File::open(folder_of(destination))
+    {
+        let _ = folder.sync_all();
     }
 }
 
