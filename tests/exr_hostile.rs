@@ -109,8 +109,8 @@ fn header(window: [i32; 4], compression: u8, flags: u32, channel: &[u8; 16], ext
         bytes.extend([name.as_bytes(), &[0], kind.as_bytes(), &[0], &(value.len() as u32).to_le_bytes(), value].concat());
     };
     let window: Vec<u8> = window.iter().flat_map(|v| v.to_le_bytes()).collect();
-    let channels: Vec<u8> = ["B", "G", "R"].iter().flat_map(|n| [n.as_bytes(), &[0], channel].concat()).chain([0]).collect();
-    attribute("channels", "chlist", &channels);
+    let names = ["B", "G", "R"].map(str::to_owned);
+    attribute("channels", "chlist", &channel_list(&names, channel));
     attribute("compression", "compression", &[compression]);
     attribute("dataWindow", "box2i", &window);
     attribute("displayWindow", "box2i", &window);
@@ -121,6 +121,10 @@ fn header(window: [i32; 4], compression: u8, flags: u32, channel: &[u8; 16], ext
     bytes.extend(extra);
     bytes.extend(vec![0; 1 + rest]);
     bytes
+}
+
+fn channel_list(names: &[String], channel: &[u8; 16]) -> Vec<u8> {
+    names.iter().flat_map(|n| [n.as_bytes(), &[0], channel].concat()).chain([0]).collect()
 }
 
 const FLOAT: [u8; 16] = [2, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0];
@@ -157,6 +161,36 @@ fn bombs_and_lies_are_refused_at_once() {
     assert!(started.elapsed() < Duration::from_secs(2));
     // The same header with a true size is fine, so the refusals above have the reasons that they claim.
     std::fs::write(&source, header([0, 0, 31, 31], 3, 0, &FLOAT, &[], 64)).unwrap();
+    read_layout(&source).unwrap();
+}
+
+#[test]
+fn headers_of_endless_lists_are_refused_at_once() {
+    let (_folder, source, _) = folder();
+    let plain = |extra: &[u8]| header([0, 0, 31, 31], 3, 0, &FLOAT, extra, 64);
+    let attributes =
+        |count: usize| (0..count).flat_map(|i| format!("a{i:07}\0int\0\x04\0\0\0\0\0\0\0").into_bytes()).collect::<Vec<u8>>();
+    // A second list, which is the one that a careless reader takes.
+    let channels = |count: usize| {
+        let list = channel_list(&(0..count).map(|i| format!("c{i:07}.R")).collect::<Vec<_>>(), &FLOAT);
+        [b"channels\0chlist\0".as_slice(), &(list.len() as u32).to_le_bytes(), &list].concat()
+    };
+    let parts = |count: usize| {
+        let one = plain(&[]);
+        let (front, header) = (&one[..8], &one[8..one.len() - 64]);
+        let flags = [front[0], front[1], front[2], front[3], 2, 1 << 4, 0, 0];
+        [flags.as_slice(), &header.repeat(count), &[0; 65]].concat()
+    };
+    let cases = [("attributes", plain(&attributes(400_000))), ("channels", plain(&channels(60_000))), ("parts", parts(3000))];
+    for (what, bytes) in cases {
+        std::fs::write(&source, &bytes).unwrap();
+        let started = Instant::now();
+        let error = read_layout(&source).expect_err(what).to_string();
+        assert!(error.contains("has more than") && error.contains(what), "{what}: {error}");
+        assert!(started.elapsed() < Duration::from_secs(2), "{what}: {:?}", started.elapsed());
+    }
+    // As much as a file with all passes of many view layers may have.
+    std::fs::write(&source, plain(&attributes(20_000))).unwrap();
     read_layout(&source).unwrap();
 }
 

@@ -104,6 +104,28 @@ fn a_render_that_changed_went_or_was_cut_is_seen() {
     assert_eq!((gone.frames[3].source.as_ref(), gone.frames[3].output.as_deref()), (None, Some(&*shot.output(8))));
 }
 
+#[cfg(unix)]
+#[test]
+fn a_render_of_the_same_size_and_date_is_seen() {
+    const RAW: Look = Look { compression: exr::prelude::Compression::Uncompressed, ..Look::PLAIN };
+    let shot = Shot::new(1..=5, RAW);
+    let date = SystemTime::now() - Duration::from_secs(5000);
+    let dated = |number: i64, look: Look| {
+        write_frame(&shot.input(number), number, look);
+        fs::File::options().write(true).open(shot.input(number)).unwrap().set_modified(date).unwrap();
+    };
+    (1..=5).for_each(|number| dated(number, RAW));
+    shot.run(&shot.job());
+    let stamp = hush::shot::Stamp::of(&shot.input(5));
+    std::thread::sleep(Duration::from_millis(30));
+    dated(5, Look { seed: Some(99), ..RAW });
+    assert_eq!(hush::shot::Stamp::of(&shot.input(5)), stamp);
+    let beside = |n| (n, StaleKind::Neighbours);
+    assert_eq!(stale(&check(&shot.job())), [beside(3), beside(4), (5, StaleKind::InputChanged)]);
+    assert_eq!(shot.run(&shot.job()).log.with(Status::Denoised), [3, 4, 5]);
+    assert_eq!(check(&shot.job()).counts.current, 5);
+}
+
 #[test]
 fn without_any_render_the_denoised_frames_are_listed() {
     let shot = Shot::new(1..=2, Look::default());

@@ -105,6 +105,41 @@ fn wrong_usage_is_exit_code_one() {
 }
 
 #[test]
+fn a_check_that_finds_no_frame_fails() {
+    let shot = Shot::new([], Look::default());
+    for input in ["shot", "nowhere", "shot/f_####.exr", "nowhere/f_####.exr"] {
+        let checked = hush(&shot, &["check", input, "-o", "out"]);
+        assert_eq!((checked.status.code(), out(&checked).as_str()), (Some(1), ""), "{input}");
+        assert!(err(&checked).contains(input) && err(&checked).contains("no frame is there"), "{input}: {}", err(&checked));
+        let json = hush(&shot, &["check", input, "-o", "out", "--json"]);
+        assert_eq!((json.status.code(), &events(&out(&json))[0]["frames"]), (Some(1), &serde_json::json!([])), "{input}");
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn the_input_folder_is_refused_under_another_mount_path() {
+    let shot = Shot::new(1..=2, Look::default());
+    std::fs::create_dir(shot.dir.path().join("alias")).unwrap();
+    let mounted = |args: &str| {
+        let script = format!("mount --bind shot alias && exec '{}' {args}", env!("CARGO_BIN_EXE_hush"));
+        Command::new("unshare").args(["-rm", "sh", "-c", &script]).current_dir(shot.dir.path()).output()
+    };
+    if !mounted("--version").is_ok_and(|output| output.status.success()) {
+        return eprintln!("not tried: mounting is not allowed here");
+    }
+    let before = std::fs::read(shot.input(1)).unwrap();
+    for args in
+        ["denoise shot -o alias --overwrite", "denoise shot/f_0001.exr -o alias --overwrite", "watch shot -o alias --once"]
+    {
+        let refused = mounted(args).unwrap();
+        assert_eq!(refused.status.code(), Some(1), "{args}: {}", err(&refused));
+        assert!(err(&refused).contains("overwritten"), "{args}: {}", err(&refused));
+        assert_eq!(std::fs::read(shot.input(1)).unwrap(), before, "{args}");
+    }
+}
+
+#[test]
 fn what_is_not_there_is_said_in_words() {
     let shot = Shot::new([], Look::default());
     std::fs::create_dir(shot.dir.path().join("odd")).unwrap();
@@ -190,7 +225,12 @@ fn inspect_and_eval_answer() {
 /// A long run that has begun its work.
 #[cfg(unix)]
 fn begun(shot: &Shot) -> (Child, impl Iterator<Item = String> + use<>) {
-    let mut child = command(shot, &["denoise", "shot", "-o", "out", "--json"]).stdout(Stdio::piped()).spawn().unwrap();
+    begun_as(command(shot, &["denoise", "shot", "-o", "out", "--json"]))
+}
+
+#[cfg(unix)]
+fn begun_as(mut command: Command) -> (Child, impl Iterator<Item = String> + use<>) {
+    let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
     let mut lines = BufReader::new(child.stdout.take().unwrap()).lines().map(Result::unwrap);
     let third = |line: &String| line.contains(r#""working""#) && line.contains(r#""frame":3"#);
     assert!(lines.any(|line| third(&line)), "the run ended early");
@@ -218,6 +258,30 @@ fn a_signal_lets_the_frame_in_hand_be_finished() {
         }
         std::fs::remove_dir_all(shot.out()).unwrap();
     }
+}
+
+#[cfg(unix)]
+#[test]
+fn signals_that_are_to_be_ignored_are() {
+    let shot = Shot::new(1..=20, Look { columns: 160, rows: 90, ..Look::default() });
+    let ignoring = |which: &str| {
+        // As nohup does, and shells with what runs in the background.
+        let script = format!("trap '' {which}; exec '{}' denoise shot -o out --json", env!("CARGO_BIN_EXE_hush"));
+        let mut command = Command::new("sh");
+        command.args(["-c", &script]).current_dir(shot.dir.path()).stdin(Stdio::null());
+        command
+    };
+    for which in ["HUP", "INT"] {
+        let (mut child, lines) = begun_as(ignoring(which));
+        signal(&child, &format!("-{which}"));
+        let last: Value = serde_json::from_str(&lines.last().unwrap()).unwrap();
+        assert_eq!((child.wait().unwrap().code(), &last["written"]), (Some(0), &20.into()), "{which}: {last}");
+        std::fs::remove_dir_all(shot.out()).unwrap();
+    }
+    let (mut child, lines) = begun_as(ignoring("HUP"));
+    signal(&child, "-TERM");
+    drop(lines.last());
+    assert_eq!(child.wait().unwrap().code(), Some(130), "the others still stop it");
 }
 
 #[cfg(unix)]

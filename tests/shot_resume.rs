@@ -110,14 +110,73 @@ fn files_of_others_are_left_alone() {
 }
 
 #[test]
+fn frames_of_another_shot_are_left_alone() {
+    let (shot, other) = (Shot::new(1..=2, Look::default()), Shot::new([], Look::default()));
+    for n in 1..=2 {
+        write_frame(&other.input(n), n, Look { seed: Some(n as u32 + 500), ..Look::default() });
+    }
+    shot.run(&shot.job());
+    let before = fs::read(shot.output(2)).unwrap();
+    let into = Job { output: shot.out(), ..other.job() };
+    let refused = shot.run(&into).error();
+    assert!(refused.contains("(2 such files)") && refused.contains("set overwrite to true"), "{refused}");
+    assert!(refused.contains(&shot.input(1).display().to_string()), "{refused}");
+    assert_eq!(fs::read(shot.output(2)).unwrap(), before);
+    assert_eq!(shot.run(&shot.job()).log.with(Status::Skipped), [1, 2]);
+    // A shot that was moved, and then rendered again.
+    let moved = shot.dir.path().join("moved");
+    fs::rename(shot.folder(), &moved).unwrap();
+    let job = Job::new(hush::io::sequence::Sequence::find(&[&moved]).unwrap(), shot.out());
+    assert_eq!(shot.run(&job).log.with(Status::Skipped), [1, 2]);
+    write_frame(&moved.join(name(2)), 2, Look { seed: Some(77), ..Look::default() });
+    assert_eq!(shot.run(&job).log.with(Status::Denoised), [1, 2]);
+    assert!(shot.run(&Job { overwrite: true, ..into }).summary().is_complete());
+}
+
+#[test]
 fn a_damaged_manifest_is_told() {
     let shot = Shot::new(1..=2, Look::default());
     shot.run(&shot.job());
     fs::write(shot.out().join(MANIFEST), b"{ half").unwrap();
     assert!(shot.run(&shot.job()).error().contains("f_0001.exr"), "the outputs are of unknown origin now");
+    let aside = shot.out().join("hush-manifest.json.damaged");
+    assert!(!aside.exists(), "a run that is refused changes nothing");
     let outcome = shot.run(&Job { overwrite: true, ..shot.job() });
     assert!(outcome.log.kinds().contains(&"manifest"));
+    assert_eq!(fs::read(aside).unwrap(), b"{ half");
     assert_eq!(shot.run(&shot.job()).log.with(Status::Skipped), [1, 2]);
+}
+
+#[test]
+fn a_manifest_that_is_not_understood_is_never_replaced() {
+    let shot = Shot::new(1..=2, Look::default());
+    fs::create_dir(shot.out()).unwrap();
+    let path = shot.out().join(MANIFEST);
+    let later = br#"{"version": 2, "shots": {}}"#;
+    fs::write(&path, later).unwrap();
+    for job in [shot.job(), Job { overwrite: true, ..shot.job() }] {
+        let refused = shot.run(&job).error();
+        assert!(refused.contains(MANIFEST) && refused.contains("later version"), "{refused}");
+    }
+    assert_eq!((fs::read(&path).unwrap().as_slice(), shot.written()), (later.as_slice(), vec![]));
+    fs::remove_file(&path).unwrap();
+    fs::create_dir(&path).unwrap();
+    assert!(shot.run(&Job { overwrite: true, ..shot.job() }).error().contains(MANIFEST), "it cannot be read");
+    assert_eq!(shot.written(), Vec::<String>::new());
+}
+
+#[test]
+fn a_run_that_cannot_read_the_manifest_any_more_leaves_it() {
+    let shot = Shot::new(1..=2, Look::default());
+    let path = shot.out().join(MANIFEST);
+    let later = br#"{"version": 2, "shots": {}}"#;
+    let outcome = shot.run_until(&shot.job(), &CancelToken::new(), |event| {
+        if matches!(event, Event::Working { frame: 2 }) {
+            fs::write(&path, later).unwrap();
+        }
+    });
+    assert!(outcome.summary().stopped.is_some());
+    assert_eq!(fs::read(&path).unwrap(), later);
 }
 
 #[test]

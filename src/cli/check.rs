@@ -7,14 +7,14 @@ use clap::Args;
 
 use super::setting_args::{OfRuns, QueryArgs};
 use super::{Exit, print, print_json};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::shot::{Checked, FrameState, Job, SequenceCheck};
 use crate::words;
 
 /// Tells which denoised frames are current
 ///
 /// A frame is current if denoising it now, with the same options as for `hush denoise`, would give what is there. Exits with 0
-/// only if every frame is. Nothing is written.
+/// only if every frame is, with 1 where there is none. Nothing is written.
 #[derive(Args)]
 pub(super) struct CheckArgs {
     /// A folder, a glob, a pattern such as shot/frame_####.exr, or files; may be left out where the shot's settings name them
@@ -37,8 +37,20 @@ pub(super) fn check(args: &CheckArgs) -> Result<Exit> {
     } else {
         lines(&checked).iter().for_each(print);
     }
+    if checked.frames.is_empty() {
+        let reason = "no frame is there, neither rendered nor denoised: check the path".into();
+        return Err(Error::BadInput { input: named(args, &job), reason });
+    }
     let good = checked.counts.current == checked.frames.len();
     Ok(if good { Exit::Good } else { Exit::Partly })
+}
+
+/// What was asked about, in the words of who asked.
+fn named(args: &CheckArgs, job: &Job) -> String {
+    match args.inputs.as_slice() {
+        [] => job.sequence.name.clone(),
+        some => some.iter().map(|input| input.display().to_string()).collect::<Vec<_>>().join(", "),
+    }
 }
 
 /// A line for each state and reason, with the frames it is true of.

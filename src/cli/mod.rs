@@ -74,8 +74,7 @@ pub type CatchSignals<'a> = &'a dyn Fn(Handler) -> Result<()>;
 
 /// Runs the command with these arguments (the first is the program's name).
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
-    let bad = |e: ctrlc::Error| Error::BadInput { input: "signal handler".into(), reason: e.to_string() };
-    ExitCode::from(run(args, &|handler| ctrlc::set_handler(handler).map_err(bad)))
+    ExitCode::from(run(args, &signals::catch))
 }
 
 /// As [`main`], for a caller that catches signals in its own way; returns the exit code.

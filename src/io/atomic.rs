@@ -2,27 +2,60 @@
 
 use std::ffi::OsString;
 use std::fs::{self, File};
+use std::hash::{BuildHasher, RandomState};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::sync::LazyLock;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, SystemTime};
 
 use crate::error::{Error, Result};
 
-/// Writes `destination` aside (`.NAME.hush-PID.part` in the same folder), flushes it to disk and renames it into place; an
-/// existing file is replaced. On an error, or a panic, nothing is left behind and `destination` is as it was.
-pub fn write_atomically(destination: &Path, write: impl FnOnce(&mut BufWriter<File>) -> Result<()>) -> Result<()> {
+/// Writes `destination` aside (`.NAME.hush-TOKEN.part` in the same folder), flushes it to disk and renames it into place; an
+/// existing file is replaced. Where somebody else removed what was written aside, it is written once more. On an error, or a panic,
+/// nothing is left behind and `destination` is as it was.
+pub fn write_atomically(destination: &Path, mut write: impl FnMut(&mut BufWriter<File>) -> Result<()>) -> Result<()> {
+    match write_once(destination, &mut write)? {
+        Outcome::Written => Ok(()),
+        Outcome::Removed(_) => match write_once(destination, &mut write)? {
+            Outcome::Written => Ok(()),
+            Outcome::Removed(error) => Err(Error::io(destination, error)),
+        },
+    }
+}
+
+enum Outcome {
+    Written,
+    /// What was written aside was gone when it was to be renamed.
+    Removed(io::Error),
+}
+
+fn write_once(destination: &Path, write: &mut impl FnMut(&mut BufWriter<File>) -> Result<()>) -> Result<Outcome> {
     let part = part_path(destination)?;
-    let file = File::create(&part).map_err(|e| Error::io(destination, e))?;
+    let file = File::create_new(&part).map_err(|e| Error::io(destination, e))?;
     let guard = RemoveOnDrop(Some(&part));
     let mut writer = BufWriter::with_capacity(1 << 20, file);
     write(&mut writer)?;
     writer.flush().map_err(|e| Error::io(destination, e))?;
     writer.get_ref().sync_all().map_err(|e| Error::io(destination, e))?;
     drop(writer);
-    patiently(|| fs::rename(&part, destination)).map_err(|e| Error::io(destination, in_use(destination, e)))?;
-    guard.keep();
+    match patiently(|| fs::rename(&part, destination)) {
+        Ok(()) => guard.keep(),
+        Err(e) if e.kind() == io::ErrorKind::NotFound && folder_of(destination).is_dir() => {
+            let reason = "another program removed it while it was written";
+            return Ok(Outcome::Removed(io::Error::other(reason)));
+        }
+        Err(e) => return Err(Error::io(destination, in_use(destination, e))),
+    }
     sync_folder(destination);
-    Ok(())
+    Ok(Outcome::Written)
+}
+
+/// What the names of this process's unfinished files hold, on whichever machine or in whichever container it runs.
+pub fn process_token() -> String {
+    static RANDOM: LazyLock<u64> = LazyLock::new(|| RandomState::new().hash_one(SystemTime::now()));
+    // A process that was forked has the same random number.
+    format!("{:016x}-{}", *RANDOM, std::process::id())
 }
 
 /// Whether a file name is that of a write that has not finished (or was cut off).
@@ -30,13 +63,38 @@ pub fn is_part_file(path: &Path) -> bool {
     path.file_name().and_then(|n| n.to_str()).is_some_and(|n| n.starts_with('.') && n.contains(".hush-") && n.ends_with(".part"))
 }
 
+/// The unfinished files in a folder.
+pub fn part_files(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.map(|entry| entry.path()).filter(|path| is_part_file(path)).collect()
+}
+
+/// How the unfinished files of one output begin that the process with this token writes.
+pub fn part_prefix(name: &str, token: &str) -> String {
+    format!(".{name}.hush-{token}-")
+}
+
+/// Whether an unfinished file is one of the process with this token.
+pub fn is_part_of(path: &Path, token: &str) -> bool {
+    path.file_name().and_then(|n| n.to_str()).is_some_and(|n| n.contains(&format!(".hush-{token}-")))
+}
+
+/// What the clock of a folder's file system says now, which need not be this machine's.
+pub fn time_in(folder: &Path) -> io::Result<SystemTime> {
+    let mut probe = tempfile::Builder::new().prefix(".clock.hush-").suffix(".part").tempfile_in(folder)?;
+    probe.write_all(b"\n")?;
+    probe.as_file().sync_all()?;
+    probe.as_file().metadata()?.modified()
+}
+
 fn part_path(destination: &Path) -> Result<PathBuf> {
+    static COUNT: AtomicU64 = AtomicU64::new(0);
     let name = destination
         .file_name()
         .ok_or_else(|| Error::BadInput { input: destination.display().to_string(), reason: "is not a file name".into() })?;
     let mut part = OsString::from(".");
     part.push(name);
-    part.push(format!(".hush-{}.part", std::process::id()));
+    part.push(format!(".hush-{}-{}.part", process_token(), COUNT.fetch_add(1, Ordering::Relaxed)));
     Ok(destination.with_file_name(part))
 }
 
@@ -70,13 +128,16 @@ fn in_use(path: &Path, error: io::Error) -> io::Error {
     }
 }
 
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
 /// Makes the rename itself durable; file systems that cannot sync folders lose nothing by it.
 fn sync_folder(destination: &Path) {
-    if cfg!(unix) {
-        let folder = destination.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        if let Ok(folder) = File::open(folder) {
-            let _ = folder.sync_all();
-        }
+    if cfg!(unix)
+        && let Ok(folder) = File::open(folder_of(destination))
+    {
+        let _ = folder.sync_all();
     }
 }
 
@@ -117,6 +178,48 @@ mod tests {
         .unwrap();
         assert_eq!(names(folder.path()), ["a.exr"]);
         assert_eq!(fs::read(&path).unwrap(), b"new");
+    }
+
+    #[test]
+    fn writers_of_one_file_do_not_meet() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        let half = |w: &mut BufWriter<File>| w.write_all(b"one").and_then(|()| w.flush()).map_err(|e| Error::io(&path, e));
+        write_atomically(&path, |w| {
+            half(w)?;
+            // Another one, from its beginning to its end.
+            write_atomically(&path, |w| w.write_all(b"two").map_err(|e| Error::io(&path, e)))?;
+            half(w)
+        })
+        .unwrap();
+        assert_eq!((fs::read(&path).unwrap(), names(folder.path())), (b"oneone".to_vec(), vec!["a.exr".to_owned()]));
+    }
+
+    #[test]
+    fn what_is_removed_meanwhile_is_written_once_more() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        let removed = |times: usize| {
+            let mut tries = 0;
+            let result = write_atomically(&path, |w| {
+                tries += 1;
+                w.write_all(b"new").map_err(|e| Error::io(&path, e))?;
+                if tries <= times && cfg!(unix) {
+                    part_files(folder.path()).iter().for_each(|part| fs::remove_file(part).unwrap());
+                }
+                Ok(())
+            });
+            (result, tries)
+        };
+        assert!(removed(0).0.is_ok());
+        // Windows removes no file that is open.
+        if cfg!(unix) {
+            assert!(matches!(removed(1), (Ok(()), 2)) && fs::read(&path).unwrap() == b"new");
+            let (result, tries) = removed(2);
+            let Err(Error::Io { source, .. }) = result else { panic!("it was written") };
+            assert_eq!((tries, source.kind()), (2, io::ErrorKind::Other));
+        }
+        assert_eq!(names(folder.path()), ["a.exr"]);
     }
 
     #[test]

@@ -4,6 +4,11 @@ use std::io::Read;
 
 /// Longest header block that is believed; Blender's largest (Cryptomatte manifests in every part) stay far below.
 const MAX_HEADER_BYTES: u64 = 256 << 20;
+/// Most parts, channels and attributes of a file that are believed. Blender's largest have hundreds of parts, with dozens of
+/// attributes each; what reads them takes time and memory that grow faster than their number.
+const MAX_PARTS: usize = 1024;
+const MAX_CHANNELS: usize = 4096;
+const MAX_ATTRIBUTES: usize = 1 << 16;
 const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 /// Version-field flag: the only part is tiled.
 const TILED: u32 = 1 << 9;
@@ -44,14 +49,18 @@ pub(crate) struct Prologue {
 impl Prologue {
     /// Reads the magic number, the version and every header. The error is a reason without the path.
     pub fn read(read: &mut impl Read, file_bytes: u64) -> Result<Self, String> {
-        let mut read = Limited { read, left: file_bytes.min(MAX_HEADER_BYTES) };
+        let mut read = Limited { read, left: file_bytes.min(MAX_HEADER_BYTES), attributes: 0 };
         if read.array::<4>().ok() != Some(MAGIC) {
             return Err("is not an EXR file".into());
         }
         let version = u32::from_le_bytes(read.array()?);
         let mut headers = Vec::new();
+        let mut channels = 0;
         loop {
             let header = read.header()?;
+            channels += header.channel_count();
+            check_count(channels, MAX_CHANNELS, "channels")?;
+            check_count(headers.len(), MAX_PARTS, "parts")?;
             if version & MULTIPART == 0 {
                 headers.push(header);
                 break;
@@ -132,6 +141,20 @@ impl RawHeader {
         Some(i32::from_le_bytes(self.get(name)?.try_into().ok()?))
     }
 
+    /// How many channels it lists, sound or not.
+    fn channel_count(&self) -> usize {
+        let lists = self.attributes.iter().filter(|a| a.name == b"channels");
+        let count = |list: &RawAttribute| {
+            let (mut bytes, mut count) = (list.value.as_slice(), 0);
+            while let Some(end) = bytes.iter().position(|&b| b == 0).filter(|&end| end > 0) {
+                bytes = bytes.get(end + 17..).unwrap_or_default();
+                count += 1;
+            }
+            count
+        };
+        lists.map(count).sum()
+    }
+
     /// The channel list; None where it is damaged or not in alphabetical order, which the format demands.
     pub fn channels(&self) -> Option<Vec<RawChannel>> {
         let mut bytes = self.get("channels")?;
@@ -163,10 +186,16 @@ impl RawHeader {
     }
 }
 
+fn check_count(count: usize, most: usize, what: &str) -> Result<(), String> {
+    if count > most { Err(format!("has more than {most} {what}, which Hush does not read")) } else { Ok(()) }
+}
+
 /// A reader that never takes more than the file can hold.
 struct Limited<'a, R> {
     read: &'a mut R,
     left: u64,
+    /// Read so far.
+    attributes: usize,
 }
 
 impl<R: Read> Limited<'_, R> {
@@ -208,6 +237,8 @@ impl<R: Read> Limited<'_, R> {
             let mut value = vec![0; size as usize];
             self.take(&mut value)?;
             attributes.push(RawAttribute { name, kind, value });
+            self.attributes += 1;
+            check_count(self.attributes, MAX_ATTRIBUTES, "attributes")?;
         }
     }
 }

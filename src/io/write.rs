@@ -12,6 +12,7 @@ use super::output_parts::{Edits, OutputParts};
 use super::read::{check_channel, open_again};
 use super::recombine::light_planes;
 use super::resolved::Resolved;
+use super::same_file::is_same_file;
 use super::selection::made_for_vectors;
 use crate::error::{Error, Result};
 use crate::frame::Denoised;
@@ -104,11 +105,7 @@ pub fn caveats(layout: &Layout, resolved: &Resolved) -> Vec<String> {
 }
 
 fn refuse_source(source: &Path, destination: &Path) -> Result<()> {
-    let same = match (source.canonicalize(), destination.canonicalize()) {
-        (Ok(a), Ok(b)) => a == b,
-        _ => source == destination,
-    };
-    match same {
+    match source == destination || is_same_file(source, destination) {
         true => Err(Error::BadInput {
             input: destination.display().to_string(),
             reason: "is the rendered file itself, which is never overwritten: choose another folder".into(),

@@ -1,5 +1,6 @@
 //! `hush.toml`: the settings beside the frames.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value};
@@ -26,9 +27,10 @@ pub struct SettingsFile {
     pub usd: Option<StageRef>,
 }
 
-/// The settings file in a folder, if there is one.
+/// The settings file in a folder, if there is one; also where it cannot be read.
 pub(super) fn beside(folder: &Path) -> Option<PathBuf> {
-    Some(folder.join(SETTINGS_FILE)).filter(|path| path.exists())
+    let is_absent = |path: &Path| std::fs::symlink_metadata(path).is_err_and(|e| e.kind() == ErrorKind::NotFound);
+    Some(folder.join(SETTINGS_FILE)).filter(|path| !is_absent(path))
 }
 
 /// Reads a settings file.
@@ -38,7 +40,11 @@ pub(super) fn beside(folder: &Path) -> Option<PathBuf> {
 /// type or out of range.
 pub fn read_settings_file(path: &Path) -> Result<SettingsFile> {
     let bad = |reason: String| Error::bad_file(path, reason);
-    let size = std::fs::metadata(path).map_err(|e| Error::io(path, e))?.len();
+    let size = match std::fs::metadata(path) {
+        Ok(about) => about.len(),
+        Err(_) if path.is_symlink() => return Err(bad("is a link to a file that cannot be reached: mend or remove it".into())),
+        Err(e) => return Err(Error::io(path, e)),
+    };
     if size > MAX_BYTES {
         return Err(bad(format!("is {size} bytes long, which no settings are")));
     }
@@ -89,6 +95,28 @@ mod tests {
         assert_eq!((settings.values.memory, settings.values.skip.as_deref()), (Some(4 << 30), Some([].as_slice())));
         assert_eq!(settings.values.layers.as_deref(), Some(["all".to_owned()].as_slice()));
         assert!(settings.origin("passes.beauty").to_string().ends_with("hush.toml, passes.beauty"));
+    }
+
+    #[test]
+    fn only_a_file_that_is_not_there_is_absent() {
+        let dir = tempfile::tempdir().unwrap();
+        assert_eq!(beside(dir.path()), None);
+        let path = dir.path().join(SETTINGS_FILE);
+        std::fs::create_dir(&path).unwrap();
+        assert!(beside(dir.path()).is_some() && read_settings_file(&path).is_err());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_dead_link_is_no_absent_file() {
+        let dir = tempfile::tempdir().unwrap();
+        let (path, real) = (dir.path().join(SETTINGS_FILE), dir.path().join("shared.toml"));
+        std::os::unix::fs::symlink(&real, &path).unwrap();
+        assert_eq!(beside(dir.path()), Some(path.clone()));
+        let error = read_settings_file(&path).unwrap_err().to_string();
+        assert!(error.contains(SETTINGS_FILE) && error.contains("is a link"), "{error}");
+        std::fs::write(real, "window = 1").unwrap();
+        assert_eq!(read_settings_file(&path).unwrap().settings.values.window, Some(1));
     }
 
     #[test]

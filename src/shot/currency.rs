@@ -114,6 +114,13 @@ pub(super) fn same_input(entry: &Entry, sequence: &Sequence, files: &mut FileMem
     entry.stamp.is_some() && files.is_same(sequence.path(entry.frame), entry.stamp)
 }
 
+/// Whether an output was made from a frame of another shot: one under another path, still there as it was then.
+pub(super) fn is_of_another_shot(entry: &Entry, source: &Path, files: &mut FileMemory) -> bool {
+    let elsewhere = std::path::absolute(source).is_ok_and(|source| source != entry.source);
+    let recorded = elsewhere && entry.stamp.is_some();
+    recorded && !files.is_same(Some(source), entry.stamp) && files.is_same(Some(&entry.source), entry.stamp)
+}
+
 fn same_window(entry: &Entry, wanted: &Wanted<'_>, files: &mut FileMemory) -> bool {
     entry.neighbours.len() == wanted.window.len()
         && wanted.window.iter().zip(&entry.neighbours).all(|(now, then)| {

@@ -1,11 +1,11 @@
 //! A folder's manifest as it was last read or written; the file is read again only where another process changed it.
 
 use std::fs::Metadata;
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use super::manifest::{MANIFEST, Manifest};
+use super::manifest::{DAMAGED, MANIFEST, Manifest};
 use crate::error::{Error, Result};
 use crate::io::{FileLock, write_atomically};
 
@@ -35,7 +35,7 @@ impl Ledger {
     /// What the manifest says now; an empty one where there is none.
     ///
     /// # Errors
-    /// The file cannot be read, is damaged or of a later version.
+    /// As [`Manifest::load`].
     pub fn read(&mut self) -> Result<&Manifest> {
         let mark = Mark::of(&self.path());
         if mark.is_none() || mark != self.mark {
@@ -47,15 +47,18 @@ impl Ledger {
         Ok(&self.manifest)
     }
 
-    /// Adds frames and their settings to the manifest, keeping what other processes put there in the meantime.
+    /// Adds frames and their settings to the manifest, keeping what other processes put there in the meantime. A damaged file is put
+    /// aside as `hush-manifest.json.damaged` first.
     ///
     /// # Errors
-    /// The file cannot be written.
+    /// The file cannot be read or written, or is of a later version; then it stays as it is.
     pub fn merge(&mut self, ours: &Manifest) -> Result<()> {
         // Several processes may share the folder, each with its own frames; where locks do not work the last one wins.
         let lock = FileLock::beside(&self.path()).ok();
-        // A damaged manifest was told when the run began; it is replaced.
-        let _ = self.read();
+        match self.read() {
+            Err(Error::BadFile { .. }) => self.put_aside()?,
+            other => _ = other?,
+        }
         self.manifest.settings.extend(ours.settings.clone());
         self.manifest.frames.extend(ours.frames.clone());
         self.manifest.forget_unused_settings();
@@ -69,6 +72,16 @@ impl Ledger {
         self.mark = Mark::of(&path);
         drop(lock);
         Ok(())
+    }
+
+    /// Keeps a damaged manifest for whoever can mend it.
+    fn put_aside(&self) -> Result<()> {
+        let path = self.path();
+        match std::fs::rename(&path, self.folder.join(DAMAGED)) {
+            // Where locks do not work another process may have been faster.
+            Err(e) if e.kind() != ErrorKind::NotFound => Err(Error::io(path, e)),
+            _ => Ok(()),
+        }
     }
 
     fn path(&self) -> PathBuf {

@@ -15,6 +15,8 @@ use crate::rules::window::Unused;
 
 /// The manifest's file name in the output folder.
 pub const MANIFEST: &str = "hush-manifest.json";
+/// What a damaged manifest is renamed to.
+pub(super) const DAMAGED: &str = "hush-manifest.json.damaged";
 /// The version of the manifest's form; a higher one is not read.
 pub const MANIFEST_VERSION: u32 = 1;
 
@@ -27,6 +29,12 @@ pub struct Manifest {
     pub settings: BTreeMap<String, FrameSettings>,
     /// By the output's file name.
     pub frames: BTreeMap<String, Entry>,
+}
+
+/// What every form of the manifest has.
+#[derive(Deserialize)]
+struct Version {
+    version: u32,
 }
 
 /// One output frame.
@@ -95,19 +103,21 @@ impl Manifest {
     /// Reads the manifest of an output folder; an empty one where there is none.
     ///
     /// # Errors
-    /// The file cannot be read, is damaged or of a later version.
+    /// [`Error::Io`] where the file cannot be read, [`Error::BadFile`] where it is damaged, [`Error::BadInput`] where a later version
+    /// wrote it.
     pub fn load(folder: &Path) -> Result<Self> {
         let path = folder.join(MANIFEST);
-        let text = match std::fs::read_to_string(&path) {
+        let text = match std::fs::read(&path) {
             Ok(text) => text,
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Self::default()),
             Err(e) => return Err(Error::io(path, e)),
         };
-        let manifest: Self = serde_json::from_str(&text).map_err(|e| Error::bad_file(&path, format!("damaged manifest: {e}")))?;
-        if manifest.version > MANIFEST_VERSION {
-            return Err(Error::bad_file(path, "was written by a later version of Hush"));
+        // A later version may have another form altogether.
+        if serde_json::from_slice::<Version>(&text).is_ok_and(|found| found.version > MANIFEST_VERSION) {
+            let reason = "was written by a later version of Hush: use that version, or choose another output folder";
+            return Err(Error::BadInput { input: path.display().to_string(), reason: reason.into() });
         }
-        Ok(manifest)
+        serde_json::from_slice(&text).map_err(|e| Error::bad_file(&path, format!("damaged manifest: {e}")))
     }
 
     /// Adds the settings and returns their key.

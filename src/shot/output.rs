@@ -1,12 +1,13 @@
 //! The output folder: never the inputs' own, never foreign files, no leftovers.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Component, Path, PathBuf};
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 
 use super::job::Job;
 use crate::error::{Error, Result};
-use crate::io::is_part_file;
+use crate::io::{is_part_of, is_same_file, part_files, process_token, time_in};
 
 /// Where a frame of the job goes: the output folder, the input's name.
 pub(super) fn output_path(job: &Job, source: &Path) -> PathBuf {
@@ -23,17 +24,30 @@ pub(super) fn check_output(job: &Job) -> Result<()> {
         return bad("is a file: name a folder".into());
     }
     let folder = real_folder(&job.output);
+    let mut others: BTreeSet<&Path> = BTreeSet::new();
     for frame in &job.sequence.frames {
-        let own_folder = frame.path.parent().map(real_folder);
+        let own = frame.path.parent().filter(|own| !others.contains(own));
+        let is_own = own.is_some_and(|own| real_folder(own) == folder || is_same_file(own, &folder));
+        others.extend(own);
         // Through a link an input may lie elsewhere than its name says.
-        let real = fs::canonicalize(&frame.path).unwrap_or_else(|_| frame.path.clone());
         let target = folder.join(frame.path.file_name().unwrap_or_default());
-        if own_folder.as_deref() == Some(folder.as_path()) || real == target {
+        if is_own || leads_to(&frame.path, &target) {
             let advice = "choose another folder, such as a new one inside it";
             return bad(format!("is where the input {} lies, which would be overwritten: {advice}", frame.path.display()));
         }
     }
     Ok(())
+}
+
+/// Whether a file is another, or a link to it, whether or not that is there.
+fn leads_to(path: &Path, target: &Path) -> bool {
+    fs::canonicalize(path).is_ok_and(|real| real == target) || is_same_file(path, target)
+}
+
+/// Whether a folder is another or lies below it, whatever their names say. Neither need be there yet.
+pub(crate) fn lies_in(folder: &Path, around: &Path) -> bool {
+    let real = real_folder(folder);
+    real.starts_with(real_folder(around)) || real.ancestors().any(|ancestor| is_same_file(ancestor, around))
 }
 
 /// The real path of a folder that may not exist yet.
@@ -55,34 +69,38 @@ pub(crate) fn real_folder(folder: &Path) -> PathBuf {
     absolute
 }
 
+/// Unfinished files that have not changed for this long are leftovers. Each frame's takes seconds to write.
+const LEFTOVER: Duration = Duration::from_secs(3600);
+
 /// Creates the folder and clears what a killed run left in it.
 pub(super) fn prepare_folder(folder: &Path) -> Result<()> {
     fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-    // A file still being written changes all the time; another process may be at work in the same folder.
-    let stale = |age: Duration| age > Duration::from_secs(60);
-    remove_parts(folder, |path| {
-        let modified = fs::metadata(path).and_then(|m| m.modified()).ok();
-        modified.and_then(|t| SystemTime::now().duration_since(t).ok()).is_some_and(stale)
-    });
+    let parts = part_files(folder);
+    if parts.is_empty() {
+        return Ok(());
+    }
+    // Another machine may be at work in the same folder; the clock that dates its files is asked for the time.
+    if let Ok(now) = time_in(folder) {
+        let age = |path: &Path| now.duration_since(fs::metadata(path).ok()?.modified().ok()?).ok();
+        remove(parts.iter().filter(|path| age(path).is_some_and(|age| age > LEFTOVER)));
+    }
     Ok(())
 }
 
 /// Removes the files that this process has not finished writing; for use right before the process ends.
 pub fn remove_unfinished(folder: &Path) {
-    let own = format!(".hush-{}.part", std::process::id());
-    remove_parts(folder, |path| path.to_string_lossy().ends_with(&own));
+    let own = process_token();
+    remove(part_files(folder).iter().filter(|path| is_part_of(path, &own)));
 }
 
-fn remove_parts(folder: &Path, which: impl Fn(&Path) -> bool) {
-    for path in fs::read_dir(folder).into_iter().flatten().flatten().map(|e| e.path()) {
-        if is_part_file(&path) && which(&path) {
-            let _ = fs::remove_file(&path);
-        }
-    }
+fn remove<'a>(files: impl Iterator<Item = &'a PathBuf>) {
+    files.for_each(|path| _ = fs::remove_file(path));
 }
 
 #[cfg(test)]
 mod tests {
+    use std::time::SystemTime;
+
     use super::*;
     use crate::io::sequence::Sequence;
 
@@ -120,6 +138,19 @@ mod tests {
     }
 
     #[test]
+    fn a_file_of_two_names_is_one() {
+        let dir = tempfile::tempdir().unwrap();
+        let (shot, out) = (dir.path().join("shot"), dir.path().join("out"));
+        fs::create_dir_all(&shot).unwrap();
+        fs::create_dir_all(&out).unwrap();
+        fs::write(shot.join("f_1.exr"), b"").unwrap();
+        let job = Job::new(Sequence::find(&[&shot]).unwrap(), &out);
+        assert!(check_output(&job).is_ok());
+        fs::hard_link(shot.join("f_1.exr"), out.join("f_1.exr")).unwrap();
+        assert!(check_output(&job).is_err());
+    }
+
+    #[test]
     fn only_old_or_own_leftovers_are_removed() {
         let dir = tempfile::tempdir().unwrap();
         let file = |name: &str| {
@@ -128,14 +159,20 @@ mod tests {
             path
         };
         let (old, new) = (file(".a.exr.hush-1.part"), file(".b.exr.hush-2.part"));
-        let (own, other) = (file(&format!(".c.exr.hush-{}.part", std::process::id())), file(".d.part"));
-        let hour_ago = SystemTime::now() - Duration::from_secs(3600);
-        for path in [&old, &other] {
-            fs::File::options().write(true).open(path).unwrap().set_modified(hour_ago).unwrap();
-        }
+        let own = file(&format!(".c.exr.hush-{}-0.part", process_token()));
+        // Of the process with the same number on another machine or in another container.
+        let (other, twin) = (file(".d.part"), file(&format!(".c.exr.hush-{}.part", std::process::id())));
+        let dated = |path: &Path, minutes: u64| {
+            let time = SystemTime::now() - Duration::from_secs(60 * minutes);
+            fs::File::options().write(true).open(path).unwrap().set_modified(time).unwrap();
+        };
+        dated(&old, 61);
+        dated(&other, 61);
+        dated(&new, 55);
         prepare_folder(dir.path()).unwrap();
         assert!(!old.exists() && new.exists() && own.exists() && other.exists());
         remove_unfinished(dir.path());
-        assert!(new.exists() && !own.exists());
+        assert!(new.exists() && !own.exists() && twin.exists());
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 3, "asking for the time leaves nothing");
     }
 }

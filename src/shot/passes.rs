@@ -55,7 +55,7 @@ impl Run<'_> {
 
     /// Checks and encodes a frame that was decoded.
     pub(super) fn take_in(&mut self, decoded: Decoded, engine: &Engine) {
-        let Decoded { number, frame, content } = decoded;
+        let Decoded { number, frame, state } = decoded;
         let began = Instant::now();
         let encoded = frame.and_then(|(views, glance)| {
             let seen = self.cache.pixels.look(number, glance);
@@ -67,7 +67,7 @@ impl Run<'_> {
         });
         match encoded {
             Ok(encoded) => {
-                self.cache.saw(self.plan, number, content);
+                self.cache.saw(number, state);
                 self.cache.ring.insert(number, Slot::new(self.plan, number, encoded, began.elapsed().as_secs_f64()));
             }
             Err(error) => {

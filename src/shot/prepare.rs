@@ -5,15 +5,15 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
-use super::currency::{Wanted, same_input, why_stale};
+use super::currency::{Wanted, is_of_another_shot, same_input, why_stale};
 use super::dial::FrameDial;
 use super::events::Status;
-use super::file_state::{FileMemory, FileState, Stamp};
+use super::file_state::{FileMemory, FileState};
 use super::frame_settings::FrameSettings;
 use super::input_file::InputFile;
 use super::job::Job;
 use super::ledger::Ledger;
-use super::manifest::{Entry, MANIFEST, Manifest, NeighbourEntry};
+use super::manifest::{DAMAGED, Entry, MANIFEST, Manifest, NeighbourEntry};
 use super::output::{check_output, output_path};
 use crate::engine::Identity;
 use crate::error::{Error, Result};
@@ -83,13 +83,13 @@ pub(super) struct Sources {
     ends: Option<(i64, i64)>,
     pub good: BTreeMap<i64, InputFile>,
     pub bad: BTreeMap<i64, String>,
-    /// The files as they are when the run starts.
-    pub stamps: BTreeMap<i64, Option<Stamp>>,
+    /// The files as they are when the run starts, without their content.
+    pub stamps: BTreeMap<i64, Option<FileState>>,
 }
 
 impl Sources {
     /// A file as it was when the run started.
-    pub fn stamp(&self, number: i64) -> Option<Stamp> {
+    pub fn stamp(&self, number: i64) -> Option<FileState> {
         self.stamps.get(&number).copied().flatten()
     }
 
@@ -110,8 +110,9 @@ impl Plan {
     /// Reads the headers of the range and its neighbours, and the output folder's manifest. Writes nothing.
     ///
     /// # Errors
-    /// A setting out of range, an output folder that holds the inputs or foreign files of the same names, no usable frame, a
-    /// window asked for without a Vector pass; with `strict` any missing or bad frame and a changing resolution.
+    /// A setting out of range, an output folder that holds the inputs or foreign files of the same names, a manifest that
+    /// cannot be read or is of a later version, no usable frame, a window asked for without a Vector pass; with `strict` any
+    /// missing or bad frame and a changing resolution.
     pub fn new(job: &Job) -> Result<Self> {
         Self::with(job, &job.settings.identity()?, &mut Ledger::new(&job.output))
     }
@@ -147,10 +148,15 @@ impl Plan {
         // Of a shot that is still being rendered, nobody knows the step.
         warnings.extend(checks::apart(step).filter(|_| window > 0 && job.whole.is_none()));
         let empty = Manifest::default();
-        let manifest = ledger.read().unwrap_or_else(|e| {
-            warnings.push(Warning::new(WarningKind::Manifest, format!("{e}: what it says about the frames there is not known")));
-            &empty
-        });
+        let manifest = match ledger.read() {
+            // A run replaces it.
+            Err(e @ Error::BadFile { .. }) => {
+                let lost = "what it says about the frames there is not known";
+                warnings.push(Warning::new(WarningKind::Manifest, format!("{e}: {lost}; a run keeps it as {DAMAGED}")));
+                &empty
+            }
+            known => known?,
+        };
         let frames = plan_frames(job, &targets, &settings, &sources, manifest, &mut files)?;
         let entry = |f: &PlannedFrame| manifest.entry(&f.output).map(|e| (f.frame, e.clone()));
         let before = frames.iter().filter_map(entry).collect();
@@ -169,7 +175,7 @@ impl Plan {
         Entry {
             frame: frame.frame,
             source: std::path::absolute(&frame.source).unwrap_or_else(|_| frame.source.clone()),
-            stamp: self.sources.stamp(frame.frame).map(FileState::from),
+            stamp: self.sources.stamp(frame.frame),
             lambda_image: None,
             output: None,
             status: Status::Planned,
@@ -186,13 +192,13 @@ impl Plan {
     /// The entry of a frame that is current. Files that were only copied or touched since are known by their new dates.
     pub(super) fn skipped(&self, before: &Entry, frame: &PlannedFrame) -> Entry {
         let (output, image) = (&frame.output, frame.lambda_image.as_deref());
-        let dated = |state: Option<FileState>, stamp: Option<Stamp>| {
-            state.map(|state| FileState { stamp: stamp.unwrap_or(state.stamp), ..state })
+        let dated = |then: Option<FileState>, now: Option<FileState>| {
+            then.map(|then| FileState { content: then.content, ..now.unwrap_or(then) })
         };
         let mut entry = Entry { status: Status::Skipped, reason: Some("already done".into()), ..before.clone() };
         entry.stamp = dated(entry.stamp, self.sources.stamp(entry.frame));
-        entry.output = dated(entry.output, Stamp::of(output));
-        entry.lambda_image = dated(entry.lambda_image, image.and_then(Stamp::of));
+        entry.output = dated(entry.output, FileState::of(output));
+        entry.lambda_image = dated(entry.lambda_image, image.and_then(FileState::of));
         for neighbour in &mut entry.neighbours {
             neighbour.stamp = dated(neighbour.stamp, self.sources.stamp(neighbour.frame));
         }
@@ -206,7 +212,7 @@ impl Plan {
 }
 
 fn neighbour_entry(n: &WindowFrame, sources: &Sources) -> NeighbourEntry {
-    let stamp = sources.stamp(n.number).map(FileState::from);
+    let stamp = sources.stamp(n.number);
     NeighbourEntry { offset: n.offset, frame: n.number, used: n.unused.is_none(), reason: n.unused, stamp, dial: None }
 }
 
@@ -226,7 +232,7 @@ pub(super) fn open_sources(
     let mut first_error = None;
     let selection = job.selection();
     for frame in job.sequence.frames.iter().filter(|f| near(f.number)) {
-        sources.stamps.insert(frame.number, Stamp::of(&frame.path));
+        sources.stamps.insert(frame.number, FileState::of(&frame.path));
         match files.layout(&frame.path).and_then(|layout| InputFile::new(frame.number, layout, &selection)) {
             Ok(source) => _ = sources.good.insert(frame.number, source),
             Err(error) => {
@@ -287,6 +293,7 @@ fn plan_frames(
 ) -> Result<Vec<PlannedFrame>> {
     let mut frames = Vec::with_capacity(targets.len());
     let mut foreign: Vec<PathBuf> = Vec::new();
+    let mut others: Vec<(PathBuf, PathBuf)> = Vec::new();
     let mut worse: Vec<(i64, String)> = Vec::new();
     for &number in targets {
         let Some(source) = job.sequence.path(number) else { continue };
@@ -305,6 +312,10 @@ fn plan_frames(
             None => match entry {
                 _ if let Some(reason) = no_image => Action::Fail(reason),
                 _ if job.overwrite || !output.exists() => Action::Denoise(None),
+                Some(entry) if is_of_another_shot(entry, source, files) => {
+                    others.push((output.clone(), entry.source.clone()));
+                    Action::Denoise(None)
+                }
                 Some(entry) => {
                     let image = lambda_image.as_deref();
                     let wanted = Wanted { job, settings, window: &window, lambda_image: image };
@@ -343,6 +354,15 @@ fn plan_frames(
             counted(foreign.len(), "such file")
         );
         return Err(Error::io(first, std::io::Error::new(std::io::ErrorKind::AlreadyExists, reason)));
+    }
+    if let Some((first, source)) = others.first() {
+        let reason = format!(
+            "was made from {}, which is another frame and still there ({}): choose another output folder or set overwrite to true to \
+             replace what is there",
+            source.display(),
+            counted(others.len(), "such file")
+        );
+        return Err(Error::BadInput { input: first.display().to_string(), reason });
     }
     if let Some((_, why)) = worse.first() {
         let numbers: Vec<i64> = worse.iter().map(|(n, _)| *n).collect();

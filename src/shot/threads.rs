@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::mpsc::{Receiver, Sender, SyncSender};
 
-use super::file_state::{Content, FileState};
+use super::file_state::FileState;
 use super::prepare::{Plan, PlannedFrame};
 use crate::engine::{Denoised, Engine};
 use crate::error::{Error, Result};
@@ -15,8 +15,8 @@ use crate::rules::pixel_checks::Glance;
 pub(super) struct Decoded {
     pub number: i64,
     pub frame: Result<(Vec<Frame>, Glance)>,
-    /// That of the file which was read; None where it changed since the plan was made.
-    pub content: Option<Content>,
+    /// The file which was read, with its content; None where it changed since the plan was made.
+    pub state: Option<FileState>,
 }
 
 /// A frame on its way to the writer.
@@ -44,10 +44,10 @@ pub(super) fn decode(order: &[i64], plan: &Plan, engine: &Engine, to: SyncSender
             let glance = Glance::of(first);
             Ok((views, glance))
         });
-        let planned = plan.sources.stamps.get(&number).copied().flatten();
+        let planned = plan.sources.stamp(number);
         let state = if frame.is_ok() { FileState::read(&source.path) } else { None };
-        let content = state.filter(|s| Some(s.stamp) == planned).and_then(|s| s.content);
-        if to.send(Decoded { number, frame, content }).is_err() {
+        let state = state.filter(|state| planned.is_some_and(|planned| state.is_untouched_since(&planned)));
+        if to.send(Decoded { number, frame, state }).is_err() {
             return;
         }
     }

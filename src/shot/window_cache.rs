@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use super::dial::{DialEntry, FrameDial};
-use super::file_state::{Content, FileState, Stamp};
+use super::file_state::FileState;
 use super::job::Job;
 use super::prepare::{Action, Plan};
 use crate::engine::{EncodedFrame, FirstPass, LeftOut};
@@ -18,20 +18,20 @@ pub(super) struct Slot {
     /// Time spent encoding it.
     pub seconds: f64,
     path: PathBuf,
-    stamp: Option<Stamp>,
+    state: Option<FileState>,
 }
 
 impl Slot {
     /// A frame of the plan.
     pub fn new(plan: &Plan, number: i64, encoded: Vec<EncodedFrame>, seconds: f64) -> Self {
         let path = plan.sources.good.get(&number).map(|s| s.path.clone()).unwrap_or_default();
-        Self { encoded, seconds, path, stamp: plan.sources.stamp(number) }
+        Self { encoded, seconds, path, state: plan.sources.stamp(number) }
     }
 
     /// Whether it is what a plan would read.
     fn fits(&self, plan: &Plan, number: i64) -> bool {
-        let stamp = plan.sources.stamp(number);
-        stamp.is_some() && stamp == self.stamp && plan.sources.good.get(&number).is_some_and(|s| s.path == self.path)
+        let state = plan.sources.stamp(number);
+        state.is_some() && is_same(state, self.state) && plan.sources.good.get(&number).is_some_and(|s| s.path == self.path)
     }
 }
 
@@ -49,7 +49,16 @@ pub(super) struct Made {
     from: Files,
 }
 
-type Files = Vec<(i64, Option<Unused>, Option<Stamp>)>;
+type File = (i64, Option<Unused>, Option<FileState>);
+type Files = Vec<File>;
+
+/// Whether a file is as it was, as far as the system tells.
+fn is_same(now: Option<FileState>, then: Option<FileState>) -> bool {
+    match (now, then) {
+        (Some(now), Some(then)) => now.is_untouched_since(&then),
+        (now, then) => now.is_none() && then.is_none(),
+    }
+}
 
 impl Made {
     /// Of a frame of the plan and its window.
@@ -73,7 +82,10 @@ impl Made {
         let window = neighbours(number, plan.settings.window, |n| plan.sources.known(n));
         let is_target = plan.frames.iter().any(|f| f.frame == number && matches!(f.action, Action::Denoise(_)));
         let whole = !is_target || self.views.iter().all(|view| !view.is_averaged());
-        whole && self.from == files(plan, number, &window) && self.dial.is_dial(&FrameDial::of(job, number))
+        let now = files(plan, number, &window);
+        let same = |(now, then): (&File, &File)| (now.0, now.1) == (then.0, then.1) && is_same(now.2, then.2);
+        let same_files = now.len() == self.from.len() && now.iter().zip(&self.from).all(same);
+        whole && same_files && self.dial.is_dial(&FrameDial::of(job, number))
     }
 }
 
@@ -88,8 +100,8 @@ pub(super) struct WindowCache {
     pub ring: BTreeMap<i64, Slot>,
     /// Frames after their first pass, where a second one follows.
     pub made: BTreeMap<i64, Made>,
-    /// The contents of files that were read, and their stamps.
-    contents: BTreeMap<i64, (Stamp, Content)>,
+    /// The files that were read, with their contents.
+    read: BTreeMap<i64, FileState>,
     pub pixels: PixelChecks,
     /// The sequence and the settings that the frames belong to.
     of: (String, String),
@@ -109,25 +121,24 @@ impl WindowCache {
         let context = plan.settings.context();
         self.ring.retain(|n, slot| near(*n, context) && slot.fits(plan, *n));
         self.made.retain(|n, made| near(*n, plan.settings.second_reach()) && made.fits(job, plan, *n));
-        self.contents.retain(|n, _| near(*n, context));
+        self.read.retain(|n, _| near(*n, context));
     }
 
-    /// Takes note of the content of a file that was read.
-    pub fn saw(&mut self, plan: &Plan, number: i64, content: Option<Content>) {
-        let known = plan.sources.stamp(number).zip(content);
-        known.map(|known| self.contents.insert(number, known));
+    /// Takes note of a file that was read.
+    pub fn saw(&mut self, number: i64, state: Option<FileState>) {
+        state.map(|state| self.read.insert(number, state));
     }
 
     /// The state of a file, with its content where it was read.
     pub fn with_content(&self, number: i64, state: FileState) -> FileState {
-        let known = self.contents.get(&number).filter(|(stamp, _)| *stamp == state.stamp);
-        FileState { content: known.map(|(_, content)| *content), ..state }
+        let known = self.read.get(&number).filter(|known| known.is_untouched_since(&state));
+        known.copied().unwrap_or(state)
     }
 
     /// Lets go of what no target from this one on needs.
     pub fn slide(&mut self, plan: &Plan, target: i64) {
         let (context, reach) = (plan.settings.context() as i64, plan.settings.second_reach() as i64);
         self.made.retain(|n, _| *n >= target - reach);
-        self.contents.retain(|n, _| *n >= target - context);
+        self.read.retain(|n, _| *n >= target - context);
     }
 }

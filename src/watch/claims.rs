@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use super::host::{host, is_gone};
 use crate::error::{Error, Result};
+use crate::io::{part_files, part_prefix, process_token};
 
 /// The folder of the claims, in an output folder.
 pub(super) const CLAIMS: &str = ".hush-claims";
@@ -34,6 +35,9 @@ pub(super) struct Owner {
     pid: u32,
     /// Different for each process ever.
     token: String,
+    /// What the names of its unfinished files hold; empty in claims of earlier versions.
+    #[serde(default)]
+    parts: String,
 }
 
 /// What an alive file holds.
@@ -76,7 +80,10 @@ impl Claims {
         let pid = std::process::id();
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_nanos();
         let mixed = std::hash::BuildHasher::hash_one(&std::hash::RandomState::new(), since);
-        Self { owner: Owner { name, host, pid, token: format!("{mixed:016x}") }, watched: BTreeMap::new() }
+        Self {
+            owner: Owner { name, host, pid, token: format!("{mixed:016x}"), parts: process_token() },
+            watched: BTreeMap::new(),
+        }
     }
 
     /// Begins to hold claims in an output folder.
@@ -245,8 +252,15 @@ fn lock(folder: &Path) -> Option<File> {
 fn remove_leftovers(folder: &Path, file: &str, claim: &[u8]) {
     let Ok(owner) = serde_json::from_slice::<Owner>(claim) else { return };
     let Some(output) = folder.parent() else { return };
-    for name in [file, crate::shot::MANIFEST] {
-        let _ = fs::remove_file(output.join(format!(".{name}.hush-{}.part", owner.pid)));
+    if owner.parts.is_empty() {
+        return;
+    }
+    let prefixes = [file, crate::shot::MANIFEST].map(|name| part_prefix(name, &owner.parts));
+    for part in part_files(output) {
+        let name = part.file_name().unwrap_or_default().to_string_lossy();
+        if prefixes.iter().any(|prefix| name.starts_with(prefix)) {
+            let _ = fs::remove_file(&part);
+        }
     }
 }
 
@@ -287,16 +301,19 @@ mod tests {
         let mut child = std::process::Command::new("true").spawn().unwrap();
         child.wait().unwrap();
         let mut dead = other(&Claims::new().owner.host, child.id());
+        dead.owner.parts = "0123-1".into();
         let mut of_dead = dead.open(dir.path()).unwrap();
-        let part = dir.path().join(format!(".f.exr.hush-{}.part", child.id()));
+        let part = dir.path().join(format!("{}7.part", part_prefix("f.exr", "0123-1")));
+        let others = dir.path().join(format!("{}7.part", part_prefix("f.exr", "0123-11")));
         for file in ["f.exr", "g.exr"] {
             dead.claim(&mut of_dead, file, second(0)).unwrap();
         }
         fs::write(&part, b"half").unwrap();
+        fs::write(&others, b"half").unwrap();
         let mut b = Claims::new();
         let mut of_b = b.open(dir.path()).unwrap();
         assert_eq!(b.claim(&mut of_b, "f.exr", second(0)).unwrap(), Claim::Ours);
-        assert!(!part.exists());
+        assert!(!part.exists() && others.exists());
         b.sweep(dir.path());
         let left = |name: &str| dir.path().join(CLAIMS).join(name).exists();
         assert!(left("f.exr.claim") && !left("g.exr.claim"));

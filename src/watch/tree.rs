@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::io::NumberPattern;
 use crate::io::sequence::is_exr;
 use crate::io::split_number;
-use crate::shot::{MANIFEST, Stamp, real_folder};
+use crate::shot::{MANIFEST, Stamp, lies_in, real_folder};
 
 /// One sequence in one folder.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -92,13 +92,12 @@ impl Tree {
             Some(_) => input.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")),
             None => input,
         };
-        let (real_input, real_output) = (real_folder(folder), real_folder(output));
-        if real_input.starts_with(&real_output) {
+        if lies_in(folder, output) {
             let reason = "is the watched folder or lies around it, so that inputs would be overwritten: choose another folder, \
                           such as a new one inside it";
             return Err(bad(output, reason));
         }
-        Ok(Self { input: folder.into(), output: output.into(), pattern, real_output })
+        Ok(Self { input: folder.into(), output: output.into(), pattern, real_output: real_folder(output) })
     }
 
     /// The input file of a frame.
