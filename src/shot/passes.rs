@@ -57,6 +57,7 @@ impl Run<'_> {
     pub(super) fn take_in(&mut self, decoded: Decoded, engine: &Engine) {
         let Decoded { number, frame, content } = decoded;
         let began = Instant::now();
+        self.cache.saw(self.plan, number, content);
         let encoded = frame.and_then(|(views, glance)| {
             let seen = self.cache.pixels.look(number, glance);
             self.notes.entry(number).or_default().extend(seen.note);
@@ -67,14 +68,13 @@ impl Run<'_> {
         });
         match encoded {
             Ok(encoded) => {
-                self.cache.saw(self.plan, number, content);
                 self.cache.ring.insert(number, Slot::new(self.plan, number, encoded, began.elapsed().as_secs_f64()));
             }
             Err(error) => {
-                self.bad.insert(number, error.to_string());
                 (self.report)(Event::Error { frame: Some(number), message: error.to_string() });
-                if self.job.strict {
-                    self.stop(error);
+                match self.job.strict {
+                    true => self.stop(error),
+                    false => _ = self.bad.insert(number, error),
                 }
             }
         }

@@ -16,7 +16,7 @@ use super::output::prepare_folder;
 use super::passes::{decode_order, first_passes};
 use super::prepare::{Action, Plan, missing_text};
 use super::progress::FrameProgress;
-use super::threads::{Decoded, Work, Written, decode, write};
+use super::threads::{Decoded, Work, Written, content_of, decode, write};
 use super::window_cache::WindowCache;
 use crate::engine::Engine;
 use crate::error::{Error, Result};
@@ -88,7 +88,7 @@ pub(super) struct Run<'a> {
     pub(super) manifest: Manifest,
     pub(super) summary: Summary,
     /// Frames that turned out to be bad when they were decoded.
-    pub(super) bad: BTreeMap<i64, String>,
+    pub(super) bad: BTreeMap<i64, Error>,
     /// Frames whose first pass went wrong, and the time that it took.
     pub(super) failed: BTreeMap<i64, (Error, f64)>,
     /// What was odd about a frame, until it is written.
@@ -140,8 +140,11 @@ impl<'a> Run<'a> {
             lambda: plan.settings.lambda,
         });
         plan.warnings.iter().for_each(|w| (self.report)(Event::Warning(w)));
-        for (number, message) in &plan.sources.bad {
-            (self.report)(Event::Error { frame: Some(*number), message: message.clone() });
+        for (number, error) in &plan.sources.bad {
+            (self.report)(Event::Error { frame: Some(*number), message: error.to_string() });
+            let content =
+                self.job.sequence.path(*number).and_then(|path| content_of(path, Err(error), plan.sources.stamp(*number)));
+            self.cache.saw(plan, *number, content);
         }
         for (index, frame) in plan.frames.iter().enumerate() {
             let key = self.manifest.settings_key(&plan.settings_of(frame));
@@ -219,7 +222,7 @@ impl<'a> Run<'a> {
                 }
                 self.first_pass(number, engine, &mut progress);
             }
-            if let Some(reason) = self.bad.get(&target.frame).cloned() {
+            if let Some(reason) = self.bad.get(&target.frame).map(ToString::to_string) {
                 self.finish(index, Status::Failed, Some(reason), 0.0);
                 continue;
             }

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::mpsc::{Receiver, Sender, SyncSender};
 
-use super::file_state::{Content, FileState};
+use super::file_state::{Content, FileState, Stamp};
 use super::prepare::{Plan, PlannedFrame};
 use crate::engine::{Denoised, Engine};
 use crate::error::{Error, Result};
@@ -15,7 +15,7 @@ use crate::rules::pixel_checks::Glance;
 pub(super) struct Decoded {
     pub number: i64,
     pub frame: Result<(Vec<Frame>, Glance)>,
-    /// That of the file which was read; None where it changed since the plan was made.
+    /// That of the file which was read or is damaged; None where it cannot be read or changed since the plan was made.
     pub content: Option<Content>,
 }
 
@@ -44,12 +44,19 @@ pub(super) fn decode(order: &[i64], plan: &Plan, engine: &Engine, to: SyncSender
             let glance = Glance::of(first);
             Ok((views, glance))
         });
-        let planned = plan.sources.stamps.get(&number).copied().flatten();
-        let state = if frame.is_ok() { FileState::read(&source.path) } else { None };
-        let content = state.filter(|s| Some(s.stamp) == planned).and_then(|s| s.content);
+        let sound = frame.as_ref().map(drop);
+        let content = content_of(&source.path, sound, plan.sources.stamp(number));
         if to.send(Decoded { number, frame, content }).is_err() {
             return;
         }
+    }
+}
+
+/// The content of a file that is still as it was planned, if it was read or is to blame for that it was not.
+pub(super) fn content_of(path: &Path, read: Result<(), &Error>, planned: Option<Stamp>) -> Option<Content> {
+    match read {
+        Err(error) if !matches!(error, Error::BadFile { .. }) => None,
+        _ => FileState::read(path).filter(|state| Some(state.stamp) == planned)?.content,
     }
 }
 

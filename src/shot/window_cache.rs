@@ -112,10 +112,12 @@ impl WindowCache {
         self.contents.retain(|n, _| near(*n, context));
     }
 
-    /// Takes note of the content of a file that was read.
+    /// Takes note of the content of a file that was read, or that it could not be read.
     pub fn saw(&mut self, plan: &Plan, number: i64, content: Option<Content>) {
-        let known = plan.sources.stamp(number).zip(content);
-        known.map(|known| self.contents.insert(number, known));
+        match plan.sources.stamp(number).zip(content) {
+            Some(known) => _ = self.contents.insert(number, known),
+            None => _ = self.contents.remove(&number),
+        }
     }
 
     /// The state of a file, with its content where it was read.
