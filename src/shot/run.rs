@@ -70,6 +70,8 @@ impl<'e> Runner<'e> {
         if let Err(error) = run.save() {
             run.stop(error);
         }
+        let refused = |(n, e): (&i64, &Error)| matches!(e, Error::Io { .. }).then(|| (*n, e.to_string()));
+        run.summary.unreadable.extend(plan.sources.bad.iter().chain(&run.bad).filter_map(refused));
         let mut summary = run.summary;
         summary.seconds = began.elapsed().as_secs_f64();
         report(Event::Done(&summary));
@@ -157,7 +159,12 @@ impl<'a> Run<'a> {
             match &frame.action {
                 Action::Denoise(_) => {}
                 Action::Skip => self.finish(index, Status::Skipped, Some("already done".into()), 0.0),
-                Action::Fail(reason) => self.finish(index, Status::Failed, Some(reason.clone()), 0.0),
+                Action::Fail(reason) => {
+                    if !plan.sources.bad.contains_key(&frame.frame) {
+                        (self.report)(Event::Error { frame: Some(frame.frame), message: reason.clone() });
+                    }
+                    self.finish(index, Status::Failed, Some(reason.clone()), 0.0);
+                }
             }
         }
     }

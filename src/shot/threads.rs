@@ -55,7 +55,7 @@ pub(super) fn decode(order: &[i64], plan: &Plan, engine: &Engine, to: SyncSender
 /// The content of a file that is still as it was planned, if it was read or is to blame for that it was not.
 pub(super) fn content_of(path: &Path, read: Result<(), &Error>, planned: Option<Stamp>) -> Option<Content> {
     match read {
-        Err(error) if !matches!(error, Error::BadFile { .. }) => None,
+        Err(Error::Io { .. }) => None,
         _ => FileState::read(path).filter(|state| Some(state.stamp) == planned)?.content,
     }
 }
