@@ -68,7 +68,7 @@ impl Progress {
             Mode::OpenJd => openjd(event, self.estimate.borrow().share()).into_iter().for_each(print),
             Mode::Quiet => match event {
                 Event::Error { frame, message } => say(error_text(*frame, message)),
-                Event::Done(summary) => missing(summary).iter().for_each(|text| say(error_text(None, text))),
+                Event::Done(summary) => missing(&summary.missing).iter().for_each(|text| say(error_text(None, text))),
                 _ => {}
             },
             Mode::Bar => self.update_bar(event),
@@ -140,7 +140,7 @@ fn openjd(event: &Event<'_>, share: f64) -> Vec<String> {
         }
         Event::Working { frame } => vec![format!("openjd_status: frame {frame}")],
         Event::Done(summary) => {
-            let missing = missing(summary).map(|text| format!("openjd_fail: {text}"));
+            let missing = missing(&summary.missing).map(|text| format!("openjd_fail: {text}"));
             missing.into_iter().chain(words.map(|w| format!("openjd_status: {w}"))).collect()
         }
         Event::Start { .. } => words.map(|w| format!("openjd_status: {w}")).into_iter().collect(),
@@ -168,8 +168,8 @@ pub(super) fn line(event: &Event<'_>) -> Option<String> {
 }
 
 /// What to say of frames that were asked for and have no file.
-fn missing(summary: &Summary) -> Option<String> {
-    (!summary.missing.is_empty()).then(|| format!("frames {} were asked for and have no file", summary.missing))
+pub(super) fn missing(frames: &str) -> Option<String> {
+    (!frames.is_empty()).then(|| format!("frames {frames} were asked for and have no file"))
 }
 
 fn summary_text(summary: &Summary) -> String {

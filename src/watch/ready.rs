@@ -78,6 +78,13 @@ enum Landing {
     Gone,
 }
 
+impl Landing {
+    /// The system refused to read it; the reason follows `it`.
+    fn unreadable(reason: &str, now: Duration) -> Self {
+        Self::Partial { reason: format!("could not be read: {reason}"), again: Some(now + AGAIN) }
+    }
+}
+
 #[derive(Clone, Debug)]
 struct FrameState {
     stamp: Stamp,
@@ -208,7 +215,7 @@ impl Frames {
                 let fresh = now.saturating_sub(state.since) < AGAIN_FOR;
                 state.landing = Landing::Partial { reason, again: fresh.then_some(now + AGAIN) };
             }
-            FileCheck::Unreadable(reason) => state.landing = Landing::Partial { reason, again: Some(now + AGAIN) },
+            FileCheck::Unreadable(reason) => state.landing = Landing::unreadable(&reason, now),
         }
         false
     }
@@ -223,7 +230,7 @@ impl Frames {
     /// A run could not read a whole file: it is looked into again, and the frame and those around it are made once it can be read.
     pub fn set_unread(&mut self, number: i64, reason: &str, now: Duration) {
         if let Some(state) = self.all.get_mut(&number).filter(|s| matches!(s.landing, Landing::Whole { .. })) {
-            (state.landing, state.unread) = (Landing::Partial { reason: reason.into(), again: Some(now + AGAIN) }, true);
+            (state.landing, state.unread) = (Landing::unreadable(reason, now), true);
             self.maybe.remove(&number);
             self.news(number, now);
         }
