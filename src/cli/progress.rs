@@ -169,7 +169,7 @@ pub(super) fn line(event: &Event<'_>) -> Option<String> {
 
 /// What to say of frames that were asked for and have no file.
 pub(super) fn missing(frames: &str) -> Option<String> {
-    (!frames.is_empty()).then(|| format!("frames {frames} were asked for and have no file"))
+    (!frames.is_empty()).then(|| format!("missing, though asked for: {frames}"))
 }
 
 fn summary_text(summary: &Summary) -> String {

@@ -66,7 +66,6 @@ pub(super) struct Tree {
     pub input: PathBuf,
     pub output: PathBuf,
     pattern: Option<NumberPattern>,
-    real_input: PathBuf,
     /// The output folder's real path.
     real_output: PathBuf,
 }
@@ -99,7 +98,7 @@ impl Tree {
                           such as a new one inside it";
             return Err(bad(output, reason));
         }
-        Ok(Self { input: folder.into(), output: output.into(), pattern, real_input, real_output })
+        Ok(Self { input: folder.into(), output: output.into(), pattern, real_output })
     }
 
     /// The input file of a frame.
@@ -149,7 +148,7 @@ impl Tree {
     fn is_seen_otherwise(&self, link: &Path) -> bool {
         let real = real_folder(link);
         let around = link.ancestors().skip(1).take_while(|a| a.starts_with(&self.input));
-        real.starts_with(&self.real_input) || around.into_iter().any(|a| real_folder(a).starts_with(&real))
+        real.starts_with(real_folder(&self.input)) || around.into_iter().any(|a| real_folder(a).starts_with(&real))
     }
 
     /// Finds the frames in a folder and below it, links followed. Folders that cannot be read are left out, as they may be on their way.

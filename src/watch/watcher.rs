@@ -101,7 +101,8 @@ impl<'a> Watcher<'a> {
         self.folder.shots.values().all(idle)
     }
 
-    /// Every frame that was asked for by number is done or has failed for good, in every shot that has one of them; no other shot is known to come.
+    /// Every frame that was asked for by number is done or has failed for good, in every shot that has one of them; no other shot is
+    /// known to come.
     fn has_all(&self) -> bool {
         let now = self.now();
         let mut wanted = self.wanted().peekable();
