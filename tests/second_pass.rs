@@ -5,14 +5,14 @@ mod engine_support;
 
 use std::path::PathBuf;
 
-use common::{Look, Shot, name};
+use common::{Look, Shot, name, write_mask};
 use engine_support::{SMALL_MODEL, around, bits, denoise, encode, full, noise, plain, small, small_of};
 use hush::engine::{SILENT, Skip, Weights};
 use hush::io::Selection;
 use hush::io::sequence::Sequence;
 use hush::preview::{Request, preview};
 use hush::settings::Lambda;
-use hush::shot::{CancelToken, FrameState, Job, Scope, SequenceCheck, Status};
+use hush::shot::{CancelToken, FrameState, Job, Scope, SequenceCheck, StaleKind, Status};
 use hush::{Denoised, EncodedFrame, Engine, FirstPass, Frame, Settings};
 use ndarray::Array3;
 
@@ -136,6 +136,47 @@ fn bad_and_missing_frames_do_not_stop_the_others() {
     let without = part(&shot, "without", "1-4", 1..=4);
     shot.run(&without);
     (1..=4).for_each(|n| assert!(made(&without, n) == std::fs::read(shot.output(n)).unwrap(), "frame {n}"));
+}
+
+#[test]
+fn a_frame_that_only_helps_needs_no_mask_and_is_told_where_one_does_not_fit() {
+    let shot = shot(1..=7);
+    let masks = shot.dir.path().join("masks");
+    std::fs::create_dir(&masks).unwrap();
+    let mask = |n: i64| masks.join(format!("m_{n:04}.exr"));
+    let right = |_: usize, x: usize| if x > 11 { 1.0 } else { 0.0 };
+    write_mask(&mask(4), Look::default(), false, right);
+    let masked = |job: Job| job.with(|s| s.lambda_images = Some(masks.join("m_####.exr")));
+    let alone = masked(part(&shot, "alone", "4", 1..=7));
+    let outcome = shot.run(&alone);
+    assert!(outcome.summary().is_complete() && outcome.log.errors.is_empty(), "{:?}", outcome.log);
+    // The frames beside it have a mask that marks nothing, which is the same.
+    let even = masked(part(&shot, "even", "4", 1..=7));
+    (1..=7).filter(|n| *n != 4).for_each(|n| write_mask(&mask(n), Look::default(), false, |_, _| 0.0));
+    let stale = |job: &Job| SequenceCheck::new().check(job).unwrap().frames[0].kind;
+    assert_eq!(stale(&alone), Some(StaleKind::Neighbours), "a mask that came later counts");
+    assert!(shot.run(&even).summary().is_complete());
+    assert!(made(&even, 4) == made(&alone, 4));
+    assert_eq!(stale(&even), None);
+    // One that does not fit: the frame is made without that result, says so, and is made again once it fits.
+    let small = Look { columns: 12, ..Look::default() };
+    write_mask(&mask(5), small, false, right);
+    for _ in 0..2 {
+        let outcome = shot.run(&even);
+        assert_eq!((outcome.summary().failed.len(), outcome.summary().degraded.as_slice()), (0, &[4][..]));
+    }
+    assert_eq!(stale(&even), None, "nothing is gained by trying again");
+    write_mask(&mask(5), Look::default(), false, |_, _| 0.0);
+    assert_eq!(stale(&even), Some(StaleKind::Neighbours));
+    assert!(shot.run(&even).summary().is_complete());
+    assert!(made(&even, 4) == made(&alone, 4));
+    // A frame that fails for want of its mask helps the others all the same.
+    std::fs::remove_file(mask(5)).unwrap();
+    let both = masked(part(&shot, "both", "4-5", 1..=7));
+    let outcome = shot.run(&both);
+    assert_eq!((outcome.summary().failed.as_slice(), outcome.log.neighbours(4).contains(&5)), (&[5][..], true));
+    assert_eq!(outcome.log.errors.iter().filter(|(n, text)| *n == Some(5) && text.contains("m_0005.exr")).count(), 1);
+    assert!(made(&both, 4) == made(&alone, 4));
 }
 
 #[test]

@@ -48,6 +48,23 @@ fn the_readme_command_writes_every_frame() {
 }
 
 #[test]
+fn whatever_makes_a_run_fail_is_told_in_every_mode() {
+    let shot = Shot::new(1..=3, Look::default());
+    for mode in ["--quiet", "--openjd", "--strict"] {
+        let masked = hush(&shot, &["denoise", "shot", "-o", "out", "--lambda-images", "m_####.exr", mode]);
+        let told = out(&masked) + &err(&masked);
+        assert!(!masked.status.success() && told.contains("m_0001.exr: there is no such file"), "{mode}: {told}");
+        assert!(mode != "--openjd" || told.contains("openjd_fail: frame 3: "), "{told}");
+    }
+    for (mode, word) in [("--quiet", "error: "), ("--openjd", "openjd_fail: ")] {
+        let missing = hush(&shot, &["denoise", "shot", "-o", "out", "--frames", "1-3,5,8-9", mode]);
+        let told = out(&missing) + &err(&missing);
+        assert!(missing.status.code() == Some(2), "{told}");
+        assert!(told.contains(&format!("{word}missing, though asked for: 5,8-9")), "{told}");
+    }
+}
+
+#[test]
 fn json_events_are_one_object_a_line() {
     let shot = Shot::new([1, 2, 3, 5], Look::default());
     shot.truncate(3);

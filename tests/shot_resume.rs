@@ -7,7 +7,7 @@ use std::time::SystemTime;
 
 use common::{Look, Shot, name, write_frame};
 use hush::settings::Lambda;
-use hush::shot::{CancelToken, Event, Job, MANIFEST, Status};
+use hush::shot::{CancelToken, Event, Job, MANIFEST, SequenceCheck, StaleKind, Status};
 
 fn modified(shot: &Shot, number: i64) -> SystemTime {
     fs::metadata(shot.output(number)).unwrap().modified().unwrap()
@@ -83,6 +83,30 @@ fn a_changed_frame_is_made_again_with_those_around_it() {
     assert_eq!(outcome.log.with(Status::Skipped), [6, 7, 8]);
     write_frame(&shot.input(9), 9, Look::default());
     assert_eq!(shot.run(&shot.job()).log.with(Status::Denoised), [7, 8, 9], "new frames help the last ones");
+}
+
+#[test]
+fn what_was_made_without_a_frame_that_could_not_be_read_is_made_again() {
+    let shot = Shot::new(1..=8, Look::default());
+    let aside = shot.dir.path().join("aside.exr");
+    // The file is out of reach while frames are decoded, and back with the date that it had.
+    let outcome = shot.run_until(&shot.job(), &CancelToken::new(), |event| match event {
+        Event::Start { .. } => fs::rename(shot.input(3), &aside).unwrap(),
+        Event::Done(_) => fs::rename(&aside, shot.input(3)).unwrap(),
+        _ => {}
+    });
+    assert_eq!((outcome.summary().failed.as_slice(), outcome.summary().degraded.as_slice()), (&[3][..], &[1, 2, 4, 5][..]));
+    let checked = SequenceCheck::new().check(&shot.job()).unwrap();
+    let stale: Vec<_> = checked.frames.iter().filter_map(|f| Some((f.frame, f.kind?))).collect();
+    let beside = |n| (n, StaleKind::Neighbours);
+    assert_eq!(stale, [beside(1), beside(2), (3, StaleKind::Failed), beside(4), beside(5)]);
+    let again = shot.run(&shot.job());
+    assert_eq!(again.log.with(Status::Denoised), [1, 2, 3, 4, 5]);
+    assert!(again.summary().is_complete());
+    assert_eq!(shot.run(&shot.job()).log.with(Status::Skipped), [1, 2, 3, 4, 5, 6, 7, 8]);
+    let undisturbed = Shot::new(1..=8, Look::default());
+    undisturbed.run(&undisturbed.job());
+    (1..=8).for_each(|n| assert!(fs::read(shot.output(n)).unwrap() == fs::read(undisturbed.output(n)).unwrap(), "frame {n}"));
 }
 
 #[test]

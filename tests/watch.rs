@@ -4,11 +4,15 @@
 mod common;
 mod watch_support;
 
+use std::cell::RefCell;
 use std::fs;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
 use common::{Look, name, write_frame};
+use hush::shot::{CancelToken, Event, Job, Status};
+use hush::watch::{WatchEvent, WatchOptions};
+use hush::{Engine, Settings};
 use watch_support::{Scene, Watch, write_slowly};
 
 const PAUSE: Duration = Duration::from_millis(150);
@@ -258,6 +262,65 @@ fn one_bad_frame_does_not_stop_the_others() {
     scene.land(2);
     watch.until("the frame and its neighbour", |w| w.denoised() == [1, 1, 2] || w.denoised() == [1, 2, 1]);
     watch.stop();
+}
+
+#[test]
+fn a_frame_damaged_for_good_does_not_keep_it_watching() {
+    let scene = Scene::new();
+    (1..=4).for_each(|n| scene.land(n));
+    let mut bytes = fs::read(scene.input(3)).unwrap();
+    // All is there, but the pixels are no ZIP data.
+    let middle = bytes.len() * 3 / 4;
+    bytes[middle..middle + 64].fill(0xff);
+    fs::write(scene.input(3), bytes).unwrap();
+    let (code, last) = scene.watch(&["--frames", "1-4", "--settle", "2"]).end_by_itself();
+    assert_eq!((code, &last["failed"], &last["written"]), (Some(2), &serde_json::json!([3]), &3.into()), "{last}");
+    assert_eq!(last["degraded"], serde_json::json!([1, 2, 4]));
+    // The next one finds nothing to do but the one that failed.
+    let (code, last) = scene.watch(&["--frames", "1-4", "--settle", "2"]).end_by_itself();
+    assert_eq!((code, &last["failed"], &last["written"]), (Some(2), &serde_json::json!([3]), &0.into()), "{last}");
+}
+
+#[test]
+fn a_frame_that_could_not_be_read_is_tried_again_with_those_around_it() {
+    let scene = Scene::new();
+    (1..=5).for_each(|n| scene.land(n));
+    let engine = Engine::new(Settings::default()).unwrap();
+    let options =
+        WatchOptions { input: scene.path("in"), output: scene.path("out"), settle: None, redo: true, poll: None, once: false };
+    let job = |sequence| Ok(Job::new(sequence, "out").with(|s| s.frames = Some("1-5".parse().unwrap())));
+    let aside = scene.path("aside.exr");
+    let (cancel, written) = (CancelToken::new(), RefCell::new(Vec::new()));
+    let began = Instant::now();
+    let report = |event: WatchEvent<'_>| {
+        if began.elapsed() > Duration::from_secs(60) {
+            cancel.cancel();
+        }
+        match event {
+            // Out of reach while the first frames are decoded, and back as it was.
+            WatchEvent::Shot { event: Event::Start { .. }, .. } => fs::rename(scene.input(3), &aside).unwrap(),
+            WatchEvent::Shot { event: Event::Error { frame: Some(3), .. }, .. } => fs::rename(&aside, scene.input(3)).unwrap(),
+            WatchEvent::Shot { event: Event::Frame { frame, status: Status::Denoised, .. }, .. } => {
+                written.borrow_mut().push(frame);
+            }
+            _ => {}
+        }
+    };
+    let summary = hush::watch::watch(&options, &job, &engine, &report, &cancel).unwrap();
+    assert!(summary.is_complete(), "{summary:?}");
+    let times = |n: i64| written.borrow().iter().filter(|w| **w == n).count();
+    assert_eq!((times(1), times(3)), (2, 1), "{written:?}");
+    scene.assert_like_a_plain_run("in", "out");
+}
+
+#[test]
+fn a_version_behind_the_frame_number_is_told() {
+    let scene = Scene::new();
+    (1..=3).for_each(|n| write_frame(&scene.path("in").join(format!("f_{n:04}_v02.exr")), n, Look::default()));
+    let mut watch = scene.watch(&["--once"]);
+    watch.end();
+    let told = format!("{:?}", watch.named("warning"));
+    assert!(told.contains("f_####_v02.exr' instead"), "{told}");
 }
 
 #[test]

@@ -66,11 +66,11 @@ impl Progress {
         match self.mode {
             Mode::Json => print_json(event),
             Mode::OpenJd => openjd(event, self.estimate.borrow().share()).into_iter().for_each(print),
-            Mode::Quiet => {
-                if let Event::Error { frame, message } = event {
-                    say(error_text(*frame, message));
-                }
-            }
+            Mode::Quiet => match event {
+                Event::Error { frame, message } => say(error_text(*frame, message)),
+                Event::Done(summary) => missing(&summary.missing).iter().for_each(|text| say(error_text(None, text))),
+                _ => {}
+            },
             Mode::Bar => self.update_bar(event),
             Mode::Lines => {
                 let in_hand = match event {
@@ -139,7 +139,11 @@ fn openjd(event: &Event<'_>, share: f64) -> Vec<String> {
             words.into_iter().chain([format!("openjd_progress: {:.1}", 100.0 * share)]).collect()
         }
         Event::Working { frame } => vec![format!("openjd_status: frame {frame}")],
-        Event::Start { .. } | Event::Done(_) => words.map(|w| format!("openjd_status: {w}")).into_iter().collect(),
+        Event::Done(summary) => {
+            let missing = missing(&summary.missing).map(|text| format!("openjd_fail: {text}"));
+            missing.into_iter().chain(words.map(|w| format!("openjd_status: {w}"))).collect()
+        }
+        Event::Start { .. } => words.map(|w| format!("openjd_status: {w}")).into_iter().collect(),
         Event::Error { .. } => words.map(|w| format!("openjd_fail: {}", w.trim_start_matches("error: "))).into_iter().collect(),
         _ => words.into_iter().collect(),
     }
@@ -161,6 +165,11 @@ pub(super) fn line(event: &Event<'_>) -> Option<String> {
         Event::Done(summary) => Some(summary_text(summary)),
         _ => None,
     }
+}
+
+/// What to say of frames that were asked for and have no file.
+pub(super) fn missing(frames: &str) -> Option<String> {
+    (!frames.is_empty()).then(|| format!("missing, though asked for: {frames}"))
 }
 
 fn summary_text(summary: &Summary) -> String {

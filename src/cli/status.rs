@@ -6,7 +6,7 @@ use std::time::Duration;
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::advice::with_options;
-use super::progress::{Mode, error_text, line};
+use super::progress::{Mode, error_text, line, missing};
 use super::{print_json, say};
 use crate::shot;
 use crate::watch::{Waiting, WatchEvent, WatchSummary};
@@ -101,6 +101,7 @@ fn error(event: &WatchEvent<'_>) -> Option<String> {
     match event {
         WatchEvent::Shot { event: shot::Event::Error { frame, message }, .. } => Some(error_text(*frame, message)),
         WatchEvent::Paused { .. } => text(event),
+        WatchEvent::Done(report) if !report.interrupted => missing(&report.missing).map(|text| error_text(None, &text)),
         _ => None,
     }
 }

@@ -21,7 +21,8 @@ use crate::watch::{WatchEvent, WatchOptions, WatchSummary, watch};
 ///
 /// Each frame is denoised as soon as it is whole and those beside it are there. Every sequence in the folder and in the folders
 /// below it is a shot; the output folder mirrors them. The result is that of hush denoise over the finished shots. With --frames
-/// the last frames need not wait for --settle, and the watch ends once these frames are done in every shot that has one of them.
+/// the last frames need not wait for --settle, and the watch ends once these frames are done in every shot that has one of them, or
+/// have failed and nothing new has come for --settle seconds.
 /// Several processes, on several machines too, may watch the same folder into the same output folder and share the work. Stop it
 /// with Ctrl-C; run it again to go on.
 #[derive(Args)]

@@ -34,6 +34,21 @@ pub(crate) struct ExrFile {
     tables_at: u64,
 }
 
+/// Remembers what the system refused, which is no fault of the file.
+struct Refusals<'a> {
+    file: &'a mut BufReader<File>,
+    last: Option<std::io::Error>,
+}
+
+impl Read for Refusals<'_> {
+    fn read(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
+        let read = self.file.read(into);
+        self.last =
+            read.as_ref().err().map(|e| e.raw_os_error().map_or_else(|| e.kind().into(), std::io::Error::from_raw_os_error));
+        read
+    }
+}
+
 /// One chunk as it lies in the file.
 #[derive(Clone, Debug)]
 pub(crate) struct Chunk {
@@ -57,7 +72,9 @@ impl ExrFile {
         }
         let mut file = BufReader::with_capacity(1 << 16, file);
         let bad = |reason: String| Error::bad_file(path, reason);
-        let prologue = Prologue::read(&mut file, bytes).map_err(bad)?;
+        let mut header = Refusals { file: &mut file, last: None };
+        let prologue = Prologue::read(&mut header, bytes);
+        let prologue = prologue.map_err(|reason| header.last.map_or_else(|| bad(reason), |e| Error::io(path, e)))?;
         check_windows(&prologue).map_err(bad)?;
         let raw = prologue_bytes(path, &mut file)?;
         let headers = parse_headers(&raw).map_err(bad)?;

@@ -36,7 +36,7 @@ pub use lambda_mask::LambdaImages;
 pub(crate) use lambda_mask::read_lambda_image;
 pub use layout::{Channel, Layout, Part, Pass, SampleType, ViewLayer, read_layout};
 pub(crate) use lock::FileLock;
-pub(crate) use numbering::{NumberPattern, split_number};
+pub(crate) use numbering::{NumberPattern, other_pattern, split_number};
 pub use pass_names::PassNames;
 pub use read::read_frame;
 pub use resolved::{AovRef, Missing, PassRef, Resolved};

@@ -1,5 +1,7 @@
 //! Frame numbers in file names: the number nearest the extension, or where a `####` or `%04d` stands.
 
+use std::collections::BTreeMap;
+
 /// A file name with the place of the number: `frame_####.exr` or `frame_%04d.exr`.
 pub(crate) struct NumberPattern {
     pub prefix: String,
@@ -80,9 +82,38 @@ pub(crate) fn split_number(name: &str) -> Option<(String, i64, usize, String)> {
     Some((name[..start].into(), number, end - start, name[end..].into()))
 }
 
+/// What most of some names have in common if another number than the one nearest the extension is the frame's, such as
+/// `frame_####_v02.exr`; None where no two do.
+pub(crate) fn other_pattern<'a>(names: impl Iterator<Item = &'a str>) -> Option<(String, usize)> {
+    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+    names.flat_map(other_patterns).for_each(|pattern| *counts.entry(pattern).or_default() += 1);
+    counts.into_iter().filter(|(_, count)| *count > 1).max_by_key(|(_, count)| *count)
+}
+
+/// A name with `####` for each of its numbers but the one nearest the extension.
+fn other_patterns(name: &str) -> Vec<String> {
+    let Some((prefix, ..)) = split_number(name) else { return Vec::new() };
+    let mut patterns = Vec::new();
+    let mut end = prefix.len();
+    while let Some(last) = prefix[..end].rfind(|c: char| c.is_ascii_digit()) {
+        end = prefix[..=last].trim_end_matches(|c: char| c.is_ascii_digit()).len();
+        patterns.push(format!("{}{}{}", &name[..end], "#".repeat(last + 1 - end), &name[last + 1..]));
+    }
+    patterns
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_version_behind_the_frame_number_is_found_out() {
+        let found = |names: &[&str]| other_pattern(names.iter().copied());
+        let pattern = Some(("frame_####_v02.exr".into(), 3));
+        assert_eq!(found(&["frame_0001_v02.exr", "frame_0002_v02.exr", "other_0007_v01.exr", "frame_0010_v02.exr"]), pattern);
+        assert_eq!(found(&["a_1_é2_3.exr", "a_1_é7_3.exr"]), Some(("a_1_é#_3.exr".into(), 2)));
+        assert_eq!(found(&["a_0001.exr", "b_0002.exr", "c.exr"]), None);
+    }
 
     #[test]
     fn the_number_nearest_the_extension_counts() {

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use super::numbering::{NumberPattern, split_number};
+use super::numbering::{NumberPattern, other_pattern, split_number};
 use super::sequence::{Sequence, SequenceFrame, file_name, is_exr, parent};
 use crate::error::{Error, Result};
 use crate::words::spans;
@@ -141,6 +141,17 @@ impl FoundFiles {
         names.join(", ")
     }
 
+    /// Where each file would be a sequence of its own: the pattern that makes one of them, by another number in their names.
+    fn other_pattern(&self) -> Option<PathBuf> {
+        let folder = &self.groups.keys().next()?.0;
+        let single = |(key, files): (&GroupKey, &BTreeSet<_>)| key.0 == *folder && files.len() == 1;
+        if !self.groups.iter().all(single) {
+            return None;
+        }
+        let names: Vec<String> = self.groups.values().flatten().filter_map(|(_, _, path)| file_name(path)).collect();
+        other_pattern(names.iter().map(String::as_str)).map(|(pattern, _)| folder.join(pattern))
+    }
+
     /// Adds the files of the one sequence that were not named; returns the numbers of those that were, if those are not all.
     fn add_those_beside(&mut self) -> Option<BTreeSet<i64>> {
         let (key, files) = self.groups.iter_mut().next().filter(|_| !self.whole)?;
@@ -158,11 +169,12 @@ impl FoundFiles {
 
     fn into_sequence(mut self, input: String) -> Result<Sequence> {
         if self.groups.len() > 1 {
+            let pattern = self.other_pattern().or_else(|| self.groups.iter().next().map(|(k, f)| k.0.join(group_name(k, f))));
             let reason = format!(
                 "holds {} sequences: {}. Choose one with a pattern, such as '{}'",
                 self.groups.len(),
                 self.names(),
-                self.groups.iter().next().map(|(k, f)| k.0.join(group_name(k, f)).display().to_string()).unwrap_or_default(),
+                pattern.unwrap_or_default().display(),
             );
             return Err(bad(&input, reason));
         }
@@ -297,6 +309,14 @@ mod tests {
         assert_eq!(find(&dir, &["a_0002.exr", "a_0001.exr", "a_0002.exr"]).unwrap().numbers(), [1, 2]);
         let text = message(find(&dir, &["a_######.exr"]));
         assert!(text.contains("no file matches") && text.contains("a_####.exr"), "{text}");
+    }
+
+    #[test]
+    fn a_number_behind_the_frame_number_brings_the_right_pattern() {
+        let dir = folder(&["frame_0001_v02.exr", "frame_0002_v02.exr", "frame_0003_v02.exr"]);
+        let text = message(find(&dir, &[""]));
+        assert!(text.contains("3 sequences") && text.contains("frame_####_v02.exr'"), "{text}");
+        assert_eq!(find(&dir, &["frame_####_v02.exr"]).unwrap().numbers(), [1, 2, 3]);
     }
 
     #[test]

@@ -19,7 +19,7 @@ pub enum Unused {
     EndOfShot,
     /// A gap in the sequence.
     Missing,
-    /// Its file could not be read.
+    /// Its file could not be read, or its first pass not be done, as with a mask of λ that does not fit.
     Bad,
     /// It has another resolution.
     OtherSize,

@@ -3,13 +3,14 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use super::dial::{DialEntry, FrameDial};
 use super::events::{Event, Status};
 use super::prepare::{PlannedFrame, is_degraded};
 use super::run::Run;
 use super::threads::{Written, ends_the_run};
 use crate::error::{Error, Result};
 use crate::rules::checks::{Warning, WarningKind};
-use crate::rules::window::WindowFrame;
+use crate::rules::window::{Unused, WindowFrame};
 
 /// The manifest is written at most this often.
 const SAVE_EVERY: Duration = Duration::from_secs(1);
@@ -42,9 +43,14 @@ impl Run<'_> {
         let Some(entry) = self.manifest.frames.get_mut(&file_name(&target.output)) else { return };
         (entry.left_out, entry.lambda_image) = (made.left_out.clone(), made.mask_state());
         let reach = self.plan.settings.second_reach() as u64;
-        for (entry, n) in entry.neighbours.iter_mut().zip(window) {
-            let taken = n.unused.is_none() && u64::from(n.offset.unsigned_abs()) <= reach;
-            entry.dial = self.cache.made.get(&n.number).filter(|_| taken).map(|made| made.dial.clone());
+        let taken = |n: &WindowFrame| n.unused.is_none() && u64::from(n.offset.unsigned_abs()) <= reach;
+        for (entry, n) in entry.neighbours.iter_mut().zip(window).filter(|(_, n)| taken(n)) {
+            if let Some(made) = self.cache.made.get(&n.number) {
+                entry.dial = Some(made.dial.clone());
+            } else {
+                (entry.used, entry.reason) = (false, Some(Unused::Bad));
+                entry.dial = Some(DialEntry::in_vain(&FrameDial::of(self.job, n.number)));
+            }
         }
     }
 
@@ -70,6 +76,11 @@ impl Run<'_> {
     /// A frame that could not be denoised or written; the whole run ends where the next one would fare no better.
     pub(super) fn fail(&mut self, index: usize, error: Error, seconds: f64) {
         let number = self.plan.frames.get(index).map(|f| f.frame);
+        if let (Some(number), Error::Io { path, .. }) = (number, &error)
+            && !path.starts_with(&self.job.output)
+        {
+            self.summary.unreadable.insert(number, error.to_string());
+        }
         (self.report)(Event::Error { frame: number, message: error.to_string() });
         self.finish(index, Status::Failed, Some(error.to_string()), seconds);
         if self.job.strict || ends_the_run(&error, &self.job.output) {

@@ -18,7 +18,7 @@ use super::prepare::{Sources, open_sources, resolve_window};
 use crate::error::{Error, Result};
 use crate::io::{NumberPattern, split_number};
 use crate::rules::checks::Header;
-use crate::rules::window::{DEFAULT_WINDOW, neighbours};
+use crate::rules::window::DEFAULT_WINDOW;
 
 /// More frames than this are not listed one by one.
 const MOST: usize = 1_000_000;
@@ -106,7 +106,7 @@ impl SequenceCheck {
         let numbers = job.sequence.numbers();
         let targets = targets(job, &numbers, &recorded)?;
         let reach = job.reach()?;
-        let (sources, _) = open_sources(job, &numbers, |n| is_near(&targets, n, identity.context(reach)), files);
+        let sources = open_sources(job, &numbers, |n| is_near(&targets, n, identity.context(reach)), files);
         let headers: Vec<Header> = targets.iter().filter_map(|t| sources.good.get(t)).map(|s| s.header.clone()).collect();
         let settings = resolve_window(job, &sources, &headers, reach).and_then(|window| job.frame_settings(window, 0, &identity));
         let mut look = Look { job, manifest, sources: &sources, settings: settings.as_ref(), files };
@@ -169,7 +169,7 @@ impl Look<'_> {
     /// What is wrong with the rendered file, if anything.
     fn damage(&mut self, number: i64, input: Option<&Path>) -> Option<String> {
         let path = input?;
-        let bad = self.sources.bad.get(&number).cloned();
+        let bad = self.sources.bad.get(&number).map(ToString::to_string);
         bad.or_else(|| (!self.files.is_complete(path)).then(|| format!("{} is cut short", path.display())))
     }
 
@@ -189,9 +189,8 @@ impl Look<'_> {
             },
             Err(error) => return Some(Stale::new(StaleKind::Setting("window"), error.to_string())),
         };
-        let window = neighbours(number, settings.context(), |n| self.sources.known(n));
         let image = self.job.lambda_image(number);
-        let wanted = Wanted { job: self.job, settings: &settings, window: &window, lambda_image: image.as_deref() };
+        let wanted = Wanted { job: self.job, settings: &settings, sources: self.sources, lambda_image: image.as_deref() };
         why_stale(entry, output, &wanted, self.manifest, self.files)
     }
 

@@ -1,6 +1,7 @@
 //! The one answer to "is this frame current?": whether a denoised frame is what denoising now would give. The run, the watch, the
 //! check of a sequence and, through it, everything that shows or composites a frame ask here.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use serde::Serialize;
@@ -9,9 +10,10 @@ use super::events::Status;
 use super::file_state::FileMemory;
 use super::frame_settings::{Change, FrameSettings};
 use super::job::Job;
-use super::manifest::{Entry, Manifest};
+use super::manifest::{Entry, Manifest, NeighbourEntry};
+use super::prepare::Sources;
 use crate::io::sequence::Sequence;
-use crate::rules::window::WindowFrame;
+use crate::rules::window::{Availability, Unused, neighbours};
 
 /// What is not as it was when a frame was denoised.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -66,8 +68,8 @@ pub(super) struct Wanted<'a> {
     pub job: &'a Job,
     /// The settings, λ that of the frame.
     pub settings: &'a FrameSettings,
-    /// The frames around it that it depends on.
-    pub window: &'a [WindowFrame],
+    /// The files of the shot.
+    pub sources: &'a Sources,
     /// The image that is the mask of λ.
     pub lambda_image: Option<&'a Path>,
 }
@@ -122,11 +124,29 @@ pub(super) fn is_of_another_shot(entry: &Entry, source: &Path, files: &mut FileM
 }
 
 fn same_window(entry: &Entry, wanted: &Wanted<'_>, files: &mut FileMemory) -> bool {
-    entry.neighbours.len() == wanted.window.len()
-        && wanted.window.iter().zip(&entry.neighbours).all(|(now, then)| {
-            let same = now.offset == then.offset && files.is_same(wanted.job.sequence.path(now.number), then.stamp);
-            same && then.dial.as_ref().is_none_or(|dial| dial.is_same(wanted.job, now.number, files))
+    // What turned out to be damaged when it was decoded still is, whatever its header says.
+    let mut damaged = |n: &&NeighbourEntry| {
+        let bad = n.reason == Some(Unused::Bad) && !n.is_unknown();
+        bad && n.dial.is_none() && files.is_same(wanted.job.sequence.path(n.frame), n.stamp)
+    };
+    let damaged: BTreeSet<i64> = entry.neighbours.iter().filter(&mut damaged).map(|n| n.frame).collect();
+    let window = neighbours(entry.frame, wanted.settings.context(), |n| match damaged.contains(&n) {
+        true => Availability::Bad,
+        false => wanted.sources.known(n),
+    });
+    entry.neighbours.len() == window.len()
+        && window.iter().zip(&entry.neighbours).all(|(now, then)| {
+            let same = now.offset == then.offset && helps_as_before(now.unused, then);
+            same && files.is_same(wanted.job.sequence.path(now.number), then.stamp)
+                && then.dial.as_ref().is_none_or(|dial| dial.is_same(wanted.job, now.number, files))
         })
+}
+
+/// Whether a neighbour is used, bad or neither, as it was. At the end of what was there, a frame may have been missing or not to come.
+fn helps_as_before(now: Option<Unused>, then: &NeighbourEntry) -> bool {
+    // A result that could not be had for its dial could not be had now.
+    let failed = then.dial.is_some() && !then.used && !then.is_unknown();
+    failed || (now.is_none() == then.used && (now == Some(Unused::Bad)) == (then.reason == Some(Unused::Bad)))
 }
 
 fn settings_changed(old: Option<&FrameSettings>, new: &FrameSettings) -> Stale {

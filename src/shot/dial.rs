@@ -42,6 +42,12 @@ impl DialEntry {
         Self { lambda: dial.lambda, lambda_masked: dial.lambda_masked, lambda_image }
     }
 
+    /// Of a dial that the first pass could not be done with. An image that cannot be read is told as none, so that it is tried again.
+    pub(super) fn in_vain(dial: &FrameDial) -> Self {
+        let image = dial.lambda_image.as_deref().and_then(FileState::read);
+        Self::new(dial, image.filter(|state| state.content.is_some()))
+    }
+
     fn has_values_of(&self, dial: &FrameDial) -> bool {
         (self.lambda, self.lambda_masked) == (dial.lambda, dial.lambda_masked)
     }

@@ -1,5 +1,6 @@
 //! What a run tells while it goes on, and its result.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use serde::Serialize;
@@ -103,6 +104,9 @@ pub struct Summary {
     pub failed: Vec<i64>,
     /// Frames done, now or earlier, without a neighbour whose file is bad.
     pub degraded: Vec<i64>,
+    /// Frames, also those that only help, of which the system refused to read a file, and what it said: worth another try.
+    #[serde(skip)]
+    pub unreadable: BTreeMap<i64, String>,
     /// Frames asked for by number that have no file, as `3-5,9`.
     pub missing: String,
     /// Stopped by the [`CancelToken`](super::CancelToken).

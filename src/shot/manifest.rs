@@ -85,12 +85,19 @@ pub struct NeighbourEntry {
     /// Why not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reason: Option<Unused>,
-    /// Its file as it was; none where there was no file.
+    /// Its file as it was; none where there was no file. With its content, a bad one is damaged; without, it could not be read.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stamp: Option<FileState>,
     /// The dial of its own first pass, where the second one took its result.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dial: Option<DialEntry>,
+}
+
+impl NeighbourEntry {
+    /// Whether it was left out only because it could not be read then, so that nobody knows what it holds.
+    pub(crate) fn is_unknown(&self) -> bool {
+        self.reason == Some(Unused::Bad) && self.stamp.is_none_or(|state| state.content.is_none())
+    }
 }
 
 impl Default for Manifest {

@@ -19,14 +19,13 @@ use crate::rules::window::{Availability, WindowFrame, neighbours};
 /// The frames whose first pass is to be done, ascending: those to do, and where a second pass follows those that it takes.
 pub(super) fn first_passes(plan: &Plan, cache: &WindowCache) -> Vec<i64> {
     let reach = plan.settings.second_reach();
-    let failed: BTreeSet<i64> = plan.frames.iter().filter(|f| matches!(f.action, Action::Fail(_))).map(|f| f.frame).collect();
     let targets = plan.frames.iter().filter(|f| matches!(f.action, Action::Denoise(_)));
     let with_neighbours = |f: &PlannedFrame| {
         let taken = f.neighbours.iter().filter(|n| n.unused.is_none() && n.offset.unsigned_abs() as usize <= reach);
         taken.map(|n| n.number).chain([f.frame]).collect::<Vec<i64>>()
     };
     let all: BTreeSet<i64> = targets.flat_map(with_neighbours).collect();
-    all.into_iter().filter(|n| !cache.made.contains_key(n) && !failed.contains(n)).collect()
+    all.into_iter().filter(|n| !cache.made.contains_key(n)).collect()
 }
 
 /// The frames to decode for some first passes: they and the neighbours that they use, ascending, without those that are there.
@@ -57,6 +56,7 @@ impl Run<'_> {
     pub(super) fn take_in(&mut self, decoded: Decoded, engine: &Engine) {
         let Decoded { number, frame, state } = decoded;
         let began = Instant::now();
+        self.cache.saw(number, state);
         let encoded = frame.and_then(|(views, glance)| {
             let seen = self.cache.pixels.look(number, glance);
             self.notes.entry(number).or_default().extend(seen.note);
@@ -67,14 +67,13 @@ impl Run<'_> {
         });
         match encoded {
             Ok(encoded) => {
-                self.cache.saw(number, state);
                 self.cache.ring.insert(number, Slot::new(self.plan, number, encoded, began.elapsed().as_secs_f64()));
             }
             Err(error) => {
-                self.bad.insert(number, error.to_string());
                 (self.report)(Event::Error { frame: Some(number), message: error.to_string() });
-                if self.job.strict {
-                    self.stop(error);
+                match self.job.strict {
+                    true => self.stop(error),
+                    false => _ = self.bad.insert(number, error),
                 }
             }
         }
@@ -87,7 +86,10 @@ impl Run<'_> {
         let window = self.window(number, self.plan.settings.window);
         let around = used(&window, &self.cache.ring);
         let dial = FrameDial::of(self.job, number);
-        let image = engine.in_pool(|| LambdaImage::read(self.plan, number, dial.lambda_image.as_deref())).transpose();
+        let is_target = self.plan.frames.iter().any(|f| f.frame == number && matches!(f.action, Action::Denoise(_)));
+        // One that only helps needs no image; without, it has its λ all over.
+        let image = dial.lambda_image.as_deref().filter(|path| is_target || !matches!(path.try_exists(), Ok(false)));
+        let image = engine.in_pool(|| LambdaImage::read(self.plan, number, image)).transpose();
         let result = image.and_then(|image| {
             let mask = image.as_ref().map(|image| &image.mask);
             let views = progress.follow(|listener| denoise_views(engine, centre, &around, (&dial, mask), listener))?;
@@ -104,7 +106,7 @@ impl Run<'_> {
             }
             Err(error) => {
                 // A target says so itself, when it is its turn.
-                if !self.plan.frames.iter().any(|f| f.frame == number && matches!(f.action, Action::Denoise(_))) {
+                if !is_target {
                     (self.report)(Event::Error { frame: Some(number), message: error.to_string() });
                     if self.job.strict {
                         return self.stop(error);

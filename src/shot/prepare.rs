@@ -82,7 +82,7 @@ pub(super) struct Sources {
     /// The first and the last frame of the shot.
     ends: Option<(i64, i64)>,
     pub good: BTreeMap<i64, InputFile>,
-    pub bad: BTreeMap<i64, String>,
+    pub bad: BTreeMap<i64, Error>,
     /// The files as they are when the run starts, without their content.
     pub stamps: BTreeMap<i64, Option<FileState>>,
 }
@@ -130,10 +130,11 @@ impl Plan {
         }
         let context = engine.context(reach) as u64;
         let near = |n: i64| targets.iter().any(|t| t.abs_diff(n) <= context);
-        let (sources, first_error) = open_sources(job, &numbers, near, &mut files);
-        let strict_error = first_error.filter(|_| job.strict || !targets.iter().any(|t| sources.good.contains_key(t)));
-        if let Some(error) = strict_error {
-            return Err(error);
+        let mut sources = open_sources(job, &numbers, near, &mut files);
+        if (job.strict || !targets.iter().any(|t| sources.good.contains_key(t)))
+            && let Some((_, first)) = sources.bad.pop_first()
+        {
+            return Err(first);
         }
         let headers: Vec<Header> = targets.iter().filter_map(|t| sources.good.get(t)).map(|s| s.header.clone()).collect();
         let window = resolve_window(job, &sources, &headers, reach)?;
@@ -220,28 +221,19 @@ fn used_numbers<S: serde::Serializer>(window: &[WindowFrame], to: S) -> Result<S
     to.collect_seq(window.iter().filter(|n| n.unused.is_none()).map(|n| n.number))
 }
 
-/// Opens the files that `near` picks; also the first error.
-pub(super) fn open_sources(
-    job: &Job,
-    numbers: &[i64],
-    near: impl Fn(i64) -> bool,
-    files: &mut FileMemory,
-) -> (Sources, Option<Error>) {
+/// Opens the files that `near` picks.
+pub(super) fn open_sources(job: &Job, numbers: &[i64], near: impl Fn(i64) -> bool, files: &mut FileMemory) -> Sources {
     let ends = job.whole.map(|w| (w.first, w.last)).or(numbers.first().copied().zip(numbers.last().copied()));
     let mut sources = Sources { ends, good: BTreeMap::new(), bad: BTreeMap::new(), stamps: BTreeMap::new() };
-    let mut first_error = None;
     let selection = job.selection();
     for frame in job.sequence.frames.iter().filter(|f| near(f.number)) {
         sources.stamps.insert(frame.number, FileState::of(&frame.path));
         match files.layout(&frame.path).and_then(|layout| InputFile::new(frame.number, layout, &selection)) {
             Ok(source) => _ = sources.good.insert(frame.number, source),
-            Err(error) => {
-                sources.bad.insert(frame.number, error.to_string());
-                first_error.get_or_insert(error);
-            }
+            Err(error) => _ = sources.bad.insert(frame.number, error),
         }
     }
-    (sources, first_error)
+    sources
 }
 
 /// The window: what was asked for, which then needs vectors; else what the vectors allow.
@@ -308,7 +300,7 @@ fn plan_frames(
             other => other.map(|error| error.to_string()),
         };
         let action = match sources.bad.get(&number) {
-            Some(reason) => Action::Fail(reason.clone()),
+            Some(error) => Action::Fail(error.to_string()),
             None => match entry {
                 _ if let Some(reason) = no_image => Action::Fail(reason),
                 _ if job.overwrite || !output.exists() => Action::Denoise(None),
@@ -318,7 +310,7 @@ fn plan_frames(
                 }
                 Some(entry) => {
                     let image = lambda_image.as_deref();
-                    let wanted = Wanted { job, settings, window: &window, lambda_image: image };
+                    let wanted = Wanted { job, settings, sources, lambda_image: image };
                     match why_stale(entry, &output, &wanted, manifest, files) {
                         None => Action::Skip,
                         Some(stale) => {

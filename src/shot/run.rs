@@ -16,7 +16,7 @@ use super::output::prepare_folder;
 use super::passes::{decode_order, first_passes};
 use super::prepare::{Action, Plan, missing_text};
 use super::progress::FrameProgress;
-use super::threads::{Decoded, Work, Written, decode, write};
+use super::threads::{Decoded, Work, Written, content_of, decode, write};
 use super::window_cache::WindowCache;
 use crate::engine::Engine;
 use crate::error::{Error, Result};
@@ -70,6 +70,8 @@ impl<'e> Runner<'e> {
         if let Err(error) = run.save() {
             run.stop(error);
         }
+        let refused = |(n, e): (&i64, &Error)| matches!(e, Error::Io { .. }).then(|| (*n, e.to_string()));
+        run.summary.unreadable.extend(plan.sources.bad.iter().chain(&run.bad).filter_map(refused));
         let mut summary = run.summary;
         summary.seconds = began.elapsed().as_secs_f64();
         report(Event::Done(&summary));
@@ -88,7 +90,7 @@ pub(super) struct Run<'a> {
     pub(super) manifest: Manifest,
     pub(super) summary: Summary,
     /// Frames that turned out to be bad when they were decoded.
-    pub(super) bad: BTreeMap<i64, String>,
+    pub(super) bad: BTreeMap<i64, Error>,
     /// Frames whose first pass went wrong, and the time that it took.
     pub(super) failed: BTreeMap<i64, (Error, f64)>,
     /// What was odd about a frame, until it is written.
@@ -140,8 +142,11 @@ impl<'a> Run<'a> {
             lambda: plan.settings.lambda,
         });
         plan.warnings.iter().for_each(|w| (self.report)(Event::Warning(w)));
-        for (number, message) in &plan.sources.bad {
-            (self.report)(Event::Error { frame: Some(*number), message: message.clone() });
+        for (number, error) in &plan.sources.bad {
+            (self.report)(Event::Error { frame: Some(*number), message: error.to_string() });
+            let content =
+                self.job.sequence.path(*number).and_then(|path| content_of(path, Err(error), plan.sources.stamp(*number)));
+            self.cache.saw(plan, *number, content);
         }
         for (index, frame) in plan.frames.iter().enumerate() {
             let key = self.manifest.settings_key(&plan.settings_of(frame));
@@ -154,7 +159,12 @@ impl<'a> Run<'a> {
             match &frame.action {
                 Action::Denoise(_) => {}
                 Action::Skip => self.finish(index, Status::Skipped, Some("already done".into()), 0.0),
-                Action::Fail(reason) => self.finish(index, Status::Failed, Some(reason.clone()), 0.0),
+                Action::Fail(reason) => {
+                    if !plan.sources.bad.contains_key(&frame.frame) {
+                        (self.report)(Event::Error { frame: Some(frame.frame), message: reason.clone() });
+                    }
+                    self.finish(index, Status::Failed, Some(reason.clone()), 0.0);
+                }
             }
         }
     }
@@ -219,7 +229,7 @@ impl<'a> Run<'a> {
                 }
                 self.first_pass(number, engine, &mut progress);
             }
-            if let Some(reason) = self.bad.get(&target.frame).cloned() {
+            if let Some(reason) = self.bad.get(&target.frame).map(ToString::to_string) {
                 self.finish(index, Status::Failed, Some(reason), 0.0);
                 continue;
             }

@@ -15,7 +15,7 @@ use crate::rules::pixel_checks::Glance;
 pub(super) struct Decoded {
     pub number: i64,
     pub frame: Result<(Vec<Frame>, Glance)>,
-    /// The file which was read, with its content; None where it changed since the plan was made.
+    /// The file which was read or is damaged, with its content; None where it cannot be read or changed since the plan was made.
     pub state: Option<FileState>,
 }
 
@@ -44,12 +44,19 @@ pub(super) fn decode(order: &[i64], plan: &Plan, engine: &Engine, to: SyncSender
             let glance = Glance::of(first);
             Ok((views, glance))
         });
-        let planned = plan.sources.stamp(number);
-        let state = if frame.is_ok() { FileState::read(&source.path) } else { None };
-        let state = state.filter(|state| planned.is_some_and(|planned| state.is_untouched_since(&planned)));
+        let sound = frame.as_ref().map(drop);
+        let state = state_of(&source.path, sound, plan.sources.stamp(number));
         if to.send(Decoded { number, frame, state }).is_err() {
             return;
         }
+    }
+}
+
+/// A file that is still as it was planned, with its content, if it was read or is to blame for that it was not.
+pub(super) fn state_of(path: &Path, read: Result<(), &Error>, planned: Option<FileState>) -> Option<FileState> {
+    match read {
+        Err(Error::Io { .. }) => None,
+        _ => FileState::read(path).filter(|state| planned.is_some_and(|planned| state.is_untouched_since(&planned))),
     }
 }
 

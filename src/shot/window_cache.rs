@@ -124,9 +124,12 @@ impl WindowCache {
         self.read.retain(|n, _| near(*n, context));
     }
 
-    /// Takes note of a file that was read.
+    /// Takes note of a file that was read, or that it could not be read.
     pub fn saw(&mut self, number: i64, state: Option<FileState>) {
-        state.map(|state| self.read.insert(number, state));
+        match state {
+            Some(state) => _ = self.read.insert(number, state),
+            None => _ = self.read.remove(&number),
+        }
     }
 
     /// The state of a file, with its content where it was read.

@@ -12,6 +12,7 @@ use super::shots::Shot;
 use super::tree::{FrameFile, ShotKey, Tree};
 use crate::engine::Identity;
 use crate::error::{Error, Result};
+use crate::io::other_pattern;
 use crate::io::sequence::Sequence;
 use crate::rules::checks::WarningKind;
 use crate::shot::{CancelToken, Job, Stamp, real_folder};
@@ -20,6 +21,8 @@ use crate::shot::{CancelToken, Job, Stamp, real_folder};
 const RESCAN: Duration = Duration::from_secs(10);
 /// Between two scans of a system that refuses events.
 const POLL: Duration = Duration::from_secs(2);
+/// So many shots of one frame with names alike are told.
+const ALIKE: usize = 3;
 /// A scan takes at most this share of the time.
 const SHARE: u32 = 20;
 
@@ -164,10 +167,17 @@ impl<'a> Folder<'a> {
     fn scan(&mut self, folder: &Path) -> Result<()> {
         let found = self.tree.scan(folder);
         let mut there: BTreeMap<Arc<ShotKey>, BTreeSet<i64>> = BTreeMap::new();
+        let mut single: BTreeMap<Arc<ShotKey>, String> = BTreeMap::new();
         for (file, stamp) in found.frames {
-            there.entry(file.key.clone()).or_default().insert(file.number);
+            let numbers = there.entry(file.key.clone()).or_default();
+            numbers.insert(file.number);
+            match numbers.len() {
+                1 => _ = single.insert(file.key.clone(), file.name()),
+                _ => _ = single.remove(&file.key),
+            }
             self.seen(file, stamp, false)?;
         }
+        self.tell_of_other_numbers(&single);
         let tree = &self.tree;
         for (key, shot) in self.shots.iter_mut().filter(|(key, _)| tree.input.join(&key.folder).starts_with(folder)) {
             let there = there.get(key);
@@ -186,6 +196,24 @@ impl<'a> Folder<'a> {
             }
         }
         Ok(())
+    }
+
+    /// Tells once where shots of one frame look like one shot with something behind the frame number.
+    fn tell_of_other_numbers(&mut self, single: &BTreeMap<Arc<ShotKey>, String>) {
+        let mut folders: BTreeMap<&Path, Vec<&str>> = BTreeMap::new();
+        single.iter().for_each(|(key, name)| folders.entry(&key.folder).or_default().push(name));
+        for (folder, names) in folders {
+            let found = other_pattern(names.into_iter()).filter(|(_, count)| *count >= ALIKE);
+            let Some((pattern, count)) = found else { continue };
+            let pattern = self.tree.input.join(folder).join(pattern);
+            if self.left_out.insert(pattern.clone()) {
+                let pattern = pattern.display();
+                self.warn(format!(
+                    "{count} files like {pattern} are taken for as many shots of one frame, for the last number in a name is the \
+                     frame's: where it is the other one, watch '{pattern}' instead"
+                ));
+            }
+        }
     }
 
     fn seen(&mut self, file: FrameFile, stamp: Stamp, closed: bool) -> Result<()> {

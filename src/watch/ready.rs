@@ -78,6 +78,13 @@ enum Landing {
     Gone,
 }
 
+impl Landing {
+    /// The system refused to read it; the reason follows `it`.
+    fn unreadable(reason: &str, now: Duration) -> Self {
+        Self::Partial { reason: format!("could not be read: {reason}"), again: Some(now + AGAIN) }
+    }
+}
+
 #[derive(Clone, Debug)]
 struct FrameState {
     stamp: Stamp,
@@ -88,6 +95,17 @@ struct FrameState {
     landed: bool,
     made: Option<Made>,
     held: Duration,
+    /// A run could not read it, though nothing was missing.
+    unread: bool,
+}
+
+impl FrameState {
+    /// Whatever kept a run from reading it is over.
+    fn is_readable_again(&mut self) {
+        if std::mem::take(&mut self.unread) {
+            self.made.take_if(|made| made.failed);
+        }
+    }
 }
 
 /// The frames of one shot.
@@ -119,7 +137,10 @@ impl Frames {
     pub fn seen(&mut self, number: i64, stamp: Stamp, closed: bool, now: Duration) {
         let Some(state) = self.all.get_mut(&number) else {
             let landing = Landing::Unchecked { closed };
-            self.all.insert(number, FrameState { stamp, since: now, landing, landed: false, made: None, held: Duration::ZERO });
+            self.all.insert(
+                number,
+                FrameState { stamp, since: now, landing, landed: false, made: None, held: Duration::ZERO, unread: false },
+            );
             return self.news(number, now);
         };
         let changed = state.stamp != stamp || state.landing == Landing::Gone;
@@ -127,6 +148,7 @@ impl Frames {
         let look_again = closed && matches!(state.landing, Landing::Unchecked { .. } | Landing::Partial { .. });
         if changed {
             (state.stamp, state.since) = (stamp, now);
+            state.is_readable_again();
         }
         if changed || look_again {
             state.landing = Landing::Unchecked { closed };
@@ -176,6 +198,7 @@ impl Frames {
             FileCheck::Whole { vector } => {
                 state.landing = Landing::Whole { vector };
                 state.landed = true;
+                state.is_readable_again();
                 self.open.remove(&number);
                 self.vector |= vector;
                 self.last_news = now;
@@ -192,7 +215,7 @@ impl Frames {
                 let fresh = now.saturating_sub(state.since) < AGAIN_FOR;
                 state.landing = Landing::Partial { reason, again: fresh.then_some(now + AGAIN) };
             }
-            FileCheck::Unreadable(reason) => state.landing = Landing::Partial { reason, again: Some(now + AGAIN) },
+            FileCheck::Unreadable(reason) => state.landing = Landing::unreadable(&reason, now),
         }
         false
     }
@@ -202,6 +225,20 @@ impl Frames {
         let reach = 2 * crate::rules::window::MAX_WINDOW as i64;
         let whole = |s: &FrameState| matches!(s.landing, Landing::Whole { .. });
         self.maybe.extend(self.all.range(number - reach..=number + reach).filter(|(_, s)| whole(s)).map(|(n, _)| *n));
+    }
+
+    /// A run could not read a whole file: it is looked into again, and the frame and those around it are made once it can be read.
+    pub fn set_unread(&mut self, number: i64, reason: &str, now: Duration) {
+        if let Some(state) = self.all.get_mut(&number).filter(|s| matches!(s.landing, Landing::Whole { .. })) {
+            (state.landing, state.unread) = (Landing::unreadable(reason, now), true);
+            self.maybe.remove(&number);
+            self.news(number, now);
+        }
+    }
+
+    /// Whether a run could not read it, and no look has been better since.
+    pub fn is_unread(&self, number: i64) -> bool {
+        self.all.get(&number).is_some_and(|s| s.unread)
     }
 
     /// Whether the file has been whole before, with other content.
@@ -365,24 +402,29 @@ impl Frames {
         self.all.keys().any(|n| rules.wants(*n))
     }
 
-    /// Whether every frame that the shot will have is made, of what is there now. False where it is not known which those are.
-    pub fn has_all(&self, rules: &ReadyRules) -> bool {
+    /// Whether every frame that the shot will have is made, of what is there now, or has failed and no news came since for as long as
+    /// is waited for any. False where it is not known which those are.
+    pub fn has_all(&self, rules: &ReadyRules, now: Duration) -> bool {
         let Some(set) = &rules.frames else { return false };
-        let unsettled = |n: &i64| match self.all.get(n).map(|s| &s.landing) {
-            Some(Landing::Unchecked { .. }) => true,
-            Some(Landing::Partial { .. }) => rules.wants(*n),
+        let settled = self.has_settled(rules, now);
+        let unsettled = |n: &i64| match self.all.get(n).map(|s| (&s.landing, s.unread)) {
+            Some((Landing::Unchecked { .. }, _)) => true,
+            Some((Landing::Partial { .. }, true)) => !settled,
+            Some((Landing::Partial { .. }, false)) => rules.wants(*n),
             _ => false,
         };
+        let ended = |s: &FrameState, made: &Made| !made.failed || (settled && s.landing != Landing::Gone);
         let made = |(n, s): (&i64, &FrameState)| {
-            (s.made.as_ref().is_some_and(|m| !m.failed) && !self.needs_work(*n, rules)).then_some(*n)
+            (s.made.as_ref().is_some_and(|made| ended(s, made)) && !self.needs_work(*n, rules)).then_some(*n)
         };
         let done: Vec<i64> = self.all.iter().filter_map(made).collect();
         set.missing(&done).is_empty() && !self.open.iter().any(unsettled)
     }
 
-    /// The whole frames that could not be denoised.
+    /// The frames that could not be denoised, of which nothing is missing.
     pub fn failed(&self) -> impl Iterator<Item = i64> {
-        let failed = |s: &FrameState| matches!(s.landing, Landing::Whole { .. }) && s.made.as_ref().is_some_and(|m| m.failed);
+        let there = |s: &FrameState| s.unread || matches!(s.landing, Landing::Whole { .. });
+        let failed = move |s: &FrameState| there(s) && s.made.as_ref().is_some_and(|m| m.failed);
         self.all.iter().filter(move |(_, s)| failed(s)).map(|(n, _)| *n)
     }
 }

@@ -289,3 +289,41 @@ fn many_frames_cost_little() {
     assert_eq!(made, 19_998 + 2);
     assert!(began.elapsed() < Duration::from_secs(5), "{:?}", began.elapsed());
 }
+
+#[test]
+fn a_frame_that_could_not_be_read_is_made_with_those_around_it_once_it_can_be() {
+    let mut play = Play::new(|r| (r.frames, r.settle) = (Some("1-7".parse().unwrap()), Some(at(30))));
+    (1..=7).for_each(|n| play.land(n, 1));
+    assert_eq!(play.make(1).len(), 7);
+    // Frame 4 failed, and those around it were made without it.
+    for n in 2..=6 {
+        let mut made = play.frames.made(n).unwrap().clone();
+        made.around = made.around.iter().copied().filter(|(offset, _)| n + i64::from(*offset) != 4).collect();
+        made.failed = n == 4;
+        play.frames.set_made(n, Some(made));
+    }
+    play.frames.set_unread(4, "Input/output error", at(2));
+    assert_eq!(play.frames.ready(&play.rules, at(2)), NONE);
+    assert_eq!(play.frames.failed().collect::<Vec<_>>(), [4]);
+    assert!(!play.frames.has_all(&play.rules, at(3)) && play.frames.due(&play.rules, at(3)).is_empty());
+    assert_eq!(play.frames.due(&play.rules, at(7)), [4]);
+    play.frames.looked(4, stamp(1), FileCheck::Unreadable("Input/output error".into()), at(7));
+    assert!(play.frames.is_unread(4) && play.frames.has_all(&play.rules, at(32)), "it is given up in the end");
+    assert_eq!(play.frames.due(&play.rules, at(12)), [4]);
+    play.frames.looked(4, stamp(1), FileCheck::Whole { vector: true }, at(12));
+    assert!(!play.frames.is_unread(4) && !play.frames.has_all(&play.rules, at(12)));
+    assert_eq!(play.make(12), [2, 3, 4, 5, 6]);
+    assert!(play.frames.has_all(&play.rules, at(12)));
+}
+
+#[test]
+fn a_frame_that_failed_holds_the_end_up_only_until_nothing_new_comes() {
+    let mut play = Play::new(|r| r.frames = Some("1-2".parse().unwrap()));
+    (1..=2).for_each(|n| play.land(n, 1));
+    play.make(1);
+    let failed = Made { failed: true, ..play.frames.made(2).unwrap().clone() };
+    play.frames.set_made(2, Some(failed));
+    assert!(!play.frames.has_all(&play.rules, at(100)) && play.frames.has_all(&play.rules, at(101)));
+    play.frames.seen(2, stamp(102), true, at(102));
+    assert!(!play.frames.has_all(&play.rules, at(300)), "it is rendered again");
+}

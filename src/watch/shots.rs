@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::io::is_complete;
 use crate::io::sequence::{Sequence, SequenceFrame};
 use crate::rules::frames::FrameSet;
-use crate::shot::{Entry, Job, Manifest, Stamp, Status, WholeShot, has_vector};
+use crate::shot::{Content, Entry, Job, Manifest, Stamp, Status, WholeShot, has_vector};
 
 /// A file is stable when it has not changed this long, where nobody said that it was closed.
 const QUIET: Duration = Duration::from_secs(1);
@@ -128,7 +128,12 @@ impl Shot {
             self.gone(number);
             return false;
         };
-        let vector = is_complete(&path).and_then(|()| match has_vector(&path, &self.job.selection()) {
+        // A run that could not read it got further than the look does.
+        let sound = is_complete(&path).and_then(|()| match self.frames.is_unread(number) {
+            true => Content::of(&path).map(drop),
+            false => Ok(()),
+        });
+        let vector = sound.and_then(|()| match has_vector(&path, &self.job.selection()) {
             // The run will say what is missing.
             Err(Error::MissingPass { .. } | Error::BadSetting { .. }) => Ok(false),
             other => other,
@@ -177,15 +182,22 @@ impl Shot {
     /// How the manifest says that a frame was made; none where it was not, or with other settings.
     pub fn made(&self, number: i64, entry: &Entry, manifest: &Manifest) -> Option<Made> {
         let then = manifest.settings.get(&entry.settings)?;
-        let window = then.window;
-        let same = self.job.frame_settings(window, number, &self.engine).is_ok_and(|now| now == *then);
+        let same = self.job.frame_settings(then.window, number, &self.engine).is_ok_and(|now| now == *then);
         let image = self.job.lambda_image(number).and_then(|path| Stamp::of(&path));
         let same_dials =
             entry.neighbours.iter().all(|n| n.dial.as_ref().is_none_or(|dial| dial.is_untouched(&self.job, n.frame)));
         if !same || image != entry.lambda_image.map(|state| state.stamp) || !same_dials || entry.status == Status::Planned {
             return None;
         }
-        let around = entry.neighbours.iter().filter_map(|n| n.stamp.map(|state| (n.offset, state.stamp))).collect();
+        Self::as_made(entry, manifest)
+    }
+
+    /// As [`made`](Self::made), whatever the settings and masks are now.
+    pub fn as_made(entry: &Entry, manifest: &Manifest) -> Option<Made> {
+        let window = manifest.settings.get(&entry.settings)?.window;
+        // One that could not be read then counts as not there.
+        let known = entry.neighbours.iter().filter(|n| !n.is_unknown());
+        let around = known.filter_map(|n| n.stamp.map(|state| (n.offset, state.stamp))).collect();
         Some(Made { stamp: entry.stamp.map(|state| state.stamp), around, window, failed: entry.status == Status::Failed })
     }
 

@@ -136,12 +136,21 @@ impl Tree {
         Some(FrameFile { key: Arc::new(ShotKey { folder: folder.into(), prefix, suffix }), number, digits })
     }
 
-    /// Whether a folder is the output folder or below it.
+    /// Whether a folder is the output folder or below it, or reached by a link that is not followed.
     fn leaves_out(&self, folder: &Path) -> bool {
+        let below = folder.ancestors().take_while(|a| *a != self.input);
         real_folder(folder).starts_with(&self.real_output)
+            || below.into_iter().any(|a| a.is_symlink() && self.is_seen_otherwise(a))
     }
 
-    /// Finds the frames in a folder and below it. Folders that cannot be read are left out, as they may be on their way.
+    /// Whether what a link leads to is found without it: in the watched folder, or around the link, in a circle.
+    fn is_seen_otherwise(&self, link: &Path) -> bool {
+        let real = real_folder(link);
+        let around = link.ancestors().skip(1).take_while(|a| a.starts_with(&self.input));
+        real.starts_with(real_folder(&self.input)) || around.into_iter().any(|a| real_folder(a).starts_with(&real))
+    }
+
+    /// Finds the frames in a folder and below it, links followed. Folders that cannot be read are left out, as they may be on their way.
     pub fn scan(&self, from: &Path) -> Scan {
         let mut found = Scan::default();
         let mut folders = BTreeSet::from([from.to_path_buf()]);
@@ -156,10 +165,13 @@ impl Tree {
                 found.ignored.push((folder.clone(), "is an output folder of Hush"));
             }
             for path in paths {
-                let Ok(about) = fs::symlink_metadata(&path) else { continue };
-                if about.is_dir() && self.pattern.is_none() {
-                    if !path.file_name().is_some_and(is_hidden) {
-                        folders.insert(path);
+                if path.is_dir() && self.pattern.is_none() {
+                    if path.file_name().is_some_and(is_hidden) {
+                        continue;
+                    }
+                    match path.is_symlink() && self.is_seen_otherwise(&path) {
+                        true => found.ignored.push((path, "is a link to a folder that is watched without it")),
+                        false => _ = folders.insert(path),
                     }
                 } else if !own && is_exr(&path) {
                     self.take_file(path, &mut found);
@@ -246,6 +258,30 @@ mod tests {
         let frame = tree.frame_of(&dir.path().join("in/a/b/s-12.exr")).unwrap();
         assert_eq!((with_slashes(&frame.key.name(frame.digits)), frame.number), ("a/b/s-##.exr".into(), 12));
         assert_eq!(tree.output(&frame.key), dir.path().join("in/out/a/b"));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_to_folders_are_followed_where_they_lead_out_and_not_in_circles() {
+        use std::os::unix::fs::symlink;
+        let dir = folder(&["in/v1/f_0001.exr", "far/g_0001.exr", "far/deep/h_0001.exr", "other/i_0001.exr"]);
+        let at = |path: &str| dir.path().join(path);
+        symlink("../far", at("in/link")).unwrap();
+        symlink("v1", at("in/latest")).unwrap();
+        symlink("..", at("far/deep/up")).unwrap();
+        symlink(at("other"), at("far/other")).unwrap();
+        symlink(at("far"), at("other/back")).unwrap();
+        let tree = Tree::new(&at("in"), &at("out")).unwrap();
+        let found = tree.scan(&tree.input);
+        let four = ["link/deep/h_0001.exr", "link/g_0001.exr", "link/other/i_0001.exr", "v1/f_0001.exr"];
+        assert_eq!(names(&found), four);
+        let mut ignored: Vec<_> =
+            found.ignored.iter().map(|(p, _)| with_slashes(&p.strip_prefix(at("in")).unwrap().display())).collect();
+        ignored.sort();
+        assert_eq!(ignored, ["latest", "link/deep/up", "link/other/back"]);
+        assert!(names(&tree.scan(&at("in/latest"))).is_empty() && tree.frame_of(&at("in/latest/f_0001.exr")).is_none());
+        assert_eq!(names(&tree.scan(&at("in/link/deep"))), ["link/deep/h_0001.exr"]);
+        assert!(tree.frame_of(&at("in/link/g_0001.exr")).is_some());
     }
 
     #[test]

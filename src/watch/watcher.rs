@@ -1,5 +1,6 @@
 //! The loop: take in what changed, look into files, work, wait.
 
+use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
 use super::WatchOptions;
@@ -100,10 +101,12 @@ impl<'a> Watcher<'a> {
         self.folder.shots.values().all(idle)
     }
 
-    /// Every frame that was asked for by number is done, in every shot that has one of them; no other shot is known to come.
+    /// Every frame that was asked for by number is done or has failed for good, in every shot that has one of them; no other shot is
+    /// known to come.
     fn has_all(&self) -> bool {
+        let now = self.now();
         let mut wanted = self.wanted().peekable();
-        wanted.peek().is_some() && wanted.all(|s| s.frames.has_all(&s.rules)) && !self.folder.may_bring_more()
+        wanted.peek().is_some() && wanted.all(|s| s.frames.has_all(&s.rules, now)) && !self.folder.may_bring_more()
     }
 
     /// The shots that hold a frame that is to be written.
@@ -187,10 +190,11 @@ impl<'a> Watcher<'a> {
             done.frames += counts.landed;
             done.written += shot.written;
             done.skipped += counts.done.saturating_sub(shot.own.len());
-            done.failed.extend(shot.frames.failed());
+            let mut failed: BTreeSet<i64> = shot.frames.failed().collect();
             if self.options.once {
-                done.failed.extend(shot.frames.partial().map(|(n, ..)| n));
+                failed.extend(shot.frames.partial().map(|(n, ..)| n));
             }
+            done.failed.extend(failed);
             done.degraded.extend(&shot.degraded);
         }
         done.missing = self.missing();

@@ -18,8 +18,8 @@ use crate::shot::{self, CancelToken, Manifest, Runner, Status, Summary};
 const BATCH: usize = 16;
 /// A frame that another process is at is looked at again after this long.
 const THEIRS: Duration = Duration::from_secs(1);
-/// An input that could not be read is tried again after this long.
-const UNREADABLE: Duration = Duration::from_secs(5);
+/// A frame that was made with a mask that is another one by now is made again after this long.
+const AGAIN: Duration = Duration::from_secs(5);
 /// Where nothing can be written, the wait is this long at first and doubles up to `LAST_PAUSE`.
 const FIRST_PAUSE: Duration = Duration::from_secs(2);
 const LAST_PAUSE: Duration = Duration::from_secs(60);
@@ -186,10 +186,10 @@ impl<'a> Worker<'a> {
                 for &number in numbers {
                     let event = shot::Event::Error { frame: Some(number), message: error.to_string() };
                     (self.report)(WatchEvent::Shot { shot: &shot.name, event });
-                    match error {
-                        // The input may be gone, or back in a moment.
-                        Error::Io { .. } if !self.once => shot.frames.hold(number, self.now() + UNREADABLE),
-                        _ => shot.give_up(number),
+                    shot.give_up(number);
+                    // The input may be gone, or back in a moment.
+                    if let Error::Io { .. } = error {
+                        shot.frames.set_unread(number, &error.to_string(), self.now());
                     }
                 }
                 Ok(())
@@ -234,19 +234,29 @@ impl<'a> Worker<'a> {
         for &number in numbers {
             let file = output.join(shot.file(number));
             let Some(entry) = manifest.entry(&file) else { continue };
+            if entry.status == Status::Denoised {
+                shot.own.insert(number);
+            }
             let made = shot.made(number, entry, manifest);
-            match entry.status {
-                Status::Denoised => {
-                    shot.own.insert(number);
-                }
+            let made = match entry.status {
                 // The folder was at fault, not the frame.
                 Status::Failed if summary.stopped.is_some() => continue,
-                Status::Failed | Status::Skipped | Status::Planned => {}
+                Status::Planned => continue,
+                Status::Failed | Status::Skipped => made.or_else(|| Shot::as_made(entry, manifest)),
+                Status::Denoised if self.once => made.or_else(|| Shot::as_made(entry, manifest)),
+                Status::Denoised => made,
+            };
+            match made {
+                Some(made) => {
+                    shot.frames.set_made(number, Some(made));
+                    shot.degraded.remove(&number);
+                }
+                // A mask changed meanwhile, or one of a frame beside it could not be read.
+                None => shot.frames.hold(number, self.began.elapsed() + AGAIN),
             }
-            if made.is_some() {
-                shot.frames.set_made(number, made);
-                shot.degraded.remove(&number);
-            }
+        }
+        for (number, reason) in &summary.unreadable {
+            shot.frames.set_unread(*number, reason, self.began.elapsed());
         }
         shot.written += summary.written;
         shot.degraded.extend(summary.degraded);

@@ -164,14 +164,19 @@ impl Watch {
         (code, self.events().last().cloned().unwrap_or_default())
     }
 
-    /// Waits until it ends by itself with every frame done; the last event.
-    pub fn finish(&mut self, frames: usize) -> Value {
+    /// Waits until it ends by itself; the exit code and the last event.
+    pub fn end_by_itself(&mut self) -> (Option<i32>, Value) {
         let began = Instant::now();
         while self.child.try_wait().unwrap().is_none() {
             assert!(began.elapsed() < PATIENCE, "it does not end: {:#?}", self.events());
             std::thread::sleep(Duration::from_millis(20));
         }
-        let (code, last) = self.end();
+        self.end()
+    }
+
+    /// Waits until it ends by itself with every frame done; the last event.
+    pub fn finish(&mut self, frames: usize) -> Value {
+        let (code, last) = self.end_by_itself();
         assert_eq!((code, &last["event"]), (Some(0), &"done".into()), "{:#?}", self.events());
         assert!(last["written"].as_u64() >= Some(1) || last["skipped"] == frames, "{last}");
         assert_eq!((&last["frames"], &last["missing"], &last["interrupted"]), (&frames.into(), &"".into(), &false.into()));
