@@ -16,7 +16,7 @@ use super::output::prepare_folder;
 use super::passes::{decode_order, first_passes};
 use super::prepare::{Action, Plan, missing_text};
 use super::progress::FrameProgress;
-use super::threads::{Decoded, Work, Written, content_of, decode, write};
+use super::threads::{Decoded, Work, Written, decode, state_of, write};
 use super::window_cache::WindowCache;
 use crate::engine::Engine;
 use crate::error::{Error, Result};
@@ -144,9 +144,8 @@ impl<'a> Run<'a> {
         plan.warnings.iter().for_each(|w| (self.report)(Event::Warning(w)));
         for (number, error) in &plan.sources.bad {
             (self.report)(Event::Error { frame: Some(*number), message: error.to_string() });
-            let content =
-                self.job.sequence.path(*number).and_then(|path| content_of(path, Err(error), plan.sources.stamp(*number)));
-            self.cache.saw(plan, *number, content);
+            let state = self.job.sequence.path(*number).and_then(|path| state_of(path, Err(error), plan.sources.stamp(*number)));
+            self.cache.saw(*number, state);
         }
         for (index, frame) in plan.frames.iter().enumerate() {
             let key = self.manifest.settings_key(&plan.settings_of(frame));
