@@ -34,7 +34,7 @@ SETTINGS: dict[str, Setting] = {
         most=None,
     ),
     "frames": Setting(
-        "Frames to write, such as 1-48,60; frames beside them still help",
+        "Frames, such as 1-48,60; those beside them still help",
         default=None,
         least=None,
         most=None,
@@ -142,7 +142,7 @@ SETTINGS: dict[str, Setting] = {
         most=None,
     ),
     "second_pass": Setting(
-        "A second pass over time, which averages each result with those around it: less flicker, from twice the frames around",
+        "A second pass over time, which averages each result with those around it: a little less flicker, from twice the frames around",
         default=False,
         least=None,
         most=None,

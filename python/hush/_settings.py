@@ -49,8 +49,8 @@ class ShotSettings(TypedDict, total=False):
     """The rules by which work may be left out, of constant, opaque, untrusted, still, or none. Default: constant, opaque,
     untrusted, still."""
     second_pass: bool | None
-    """A second pass over time, which averages each result with those around it: less flicker, from twice the frames around.
-    Default: false."""
+    """A second pass over time, which averages each result with those around it: a little less flicker, from twice the frames
+    around. Default: false."""
     model: Path | None
     """Other weights, a safetensors file. Default: in the program."""
     renderer: str | None
@@ -65,7 +65,7 @@ class SequenceSettings(ShotSettings, total=False):
     """How a shot is denoised: `ShotSettings`, and which frames are made how."""
 
     frames: str | Iterable[int] | None
-    """Frames to write, such as 1-48,60; frames beside them still help. Default: all."""
+    """Frames, such as 1-48,60; those beside them still help. Default: all."""
     lam: float | Mapping[int, float] | None
     """How much noise and hidden detail to keep, from 1 (cleanest) to 64, or a mapping from frame number to it: linear between its
     keys, constant before the first and after the last. Default: 1."""
