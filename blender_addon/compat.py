@@ -20,6 +20,11 @@ def compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
     return scene.node_tree if scene.use_nodes else None
 
 
+def is_switched_off(scene: bpy.types.Scene) -> bool:
+    """Whether the scene has compositor nodes, but Use Nodes is off; Blender 5 knows no such state."""
+    return not BLENDER_5 and not scene.use_nodes and scene.node_tree is not None and len(scene.node_tree.nodes) > 0
+
+
 def ensure_compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree:
     """The scene's compositor tree; a new one, Render Layers straight to the output, where there is none."""
     tree = compositor_tree(scene)
@@ -70,6 +75,15 @@ def working_space() -> str:
     return getattr(space, "working_space", "") or "Linear Rec.709"
 
 
+def use_working_space(image: bpy.types.Image) -> None:
+    """Says that an image's pixels are in the colour space that renders are in."""
+    try:
+        image.colorspace_settings.name = working_space()
+    except TypeError:
+        # A colour configuration without that name: no conversion at all is the same here.
+        image.colorspace_settings.is_data = True
+
+
 def use_multilayer(settings: bpy.types.ImageFormatSettings) -> None:
     """Sets an image format to multilayer OpenEXR."""
     if hasattr(settings, "media_type"):
@@ -84,10 +98,12 @@ def use_image_format(settings: bpy.types.ImageFormatSettings, file_format: str) 
     settings.file_format = file_format
 
 
-def strips(scene: bpy.types.Scene) -> bool:
-    """Whether the scene's Sequencer holds anything."""
+def has_pictures(scene: bpy.types.Scene) -> bool:
+    """Whether the scene's Sequencer holds anything to be seen, for which it is rendered in place of the scene."""
     editor = scene.sequence_editor
-    return bool(editor and (editor.strips_all if hasattr(editor, "strips_all") else editor.sequences_all))
+    strips = (editor.strips_all if hasattr(editor, "strips_all") else editor.sequences_all) if editor else ()
+    # What is in a meta strip is among them by itself.
+    return any(strip.type not in ("SOUND", "META") and not strip.mute for strip in strips)
 
 
 def own_compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree:
