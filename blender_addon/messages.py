@@ -100,8 +100,8 @@ TEXTS = {
     "composite_nothing": "No frame of this shot is denoised: press Denoise Shot first",
     "composite_library": "The Hush library is of another version than the extension: install the extension again",
     "composite_unsaved": (
-        "{images} in the compositor {count:has} changes that are not saved: save or pack in an Image Editor, under Image, as the composite "
-        "is made from what is saved"
+        "{images} in the compositor: the changes are not saved, and the composite is made from what is saved. "
+        "Save or pack in an Image Editor, under Image"
     ),
     "composite_copy": "The copy of the file that is composited cannot be saved: {reason}",
     "composite_missing": "{frames:frame is} not denoised: press Denoise Shot",

@@ -100,7 +100,7 @@ def _refuse(scene: bpy.types.Scene) -> None:
         raise Refusal(messages.text("stereo_one_file"))
     unsaved = _unsaved_images(scene)
     if unsaved:
-        raise Refusal(messages.text("composite_unsaved", images=" and ".join(unsaved), count=len(unsaved)))
+        raise Refusal(messages.text("composite_unsaved", images=" and ".join(unsaved)))
     target = folder(scene)
     taken = {pattern.parent for pattern in shot.frame_patterns(scene)} | {shot.output_folder(scene)}
     if any(target.resolve() == other.resolve() for other in taken):
