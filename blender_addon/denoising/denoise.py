@@ -184,7 +184,7 @@ def outcome(done: job.Job) -> tuple[str, list[tuple[str, str]]]:
         text = messages.text("denoise_stopped", count=written)
         return "CANCELLED", [*reports, ("WARNING", text)]
     if errors or stopped or failed or missing or there < wanted or not results:
-        why = [errors[0] if errors else messages.of_error(stopped or ""), _unrendered(missing) if missing else ""]
+        why = [errors[0] if errors else messages.of_error(stopped) if stopped else "", _unrendered(missing) if missing else ""]
         more = messages.text("denoise_more", count=len(errors) - 1) if len(errors) > 1 else ""
         how_many = messages.text("denoise_some", there=there, wanted=wanted + _count(missing)) if results else ""
         text = ". ".join(part.rstrip(".") for part in (*why, more, how_many) if part) or messages.text("denoise_nothing")
