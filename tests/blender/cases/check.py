@@ -8,6 +8,11 @@ from pathlib import Path
 import bpy
 import kit
 
+try:
+    import aud
+except ImportError:
+    aud = None
+
 check = kit.module("checks.check")
 
 
@@ -225,7 +230,9 @@ def test_strips_that_are_not_seen_are_no_matter() -> None:
         file.writeframes(b"\0\0" * 8000)
     editor = scene.sequence_editor_create()
     strips = editor.strips if hasattr(editor, "strips") else editor.sequences
-    strips.new_sound("Voice", str(sound), 1, 1)
+    # Blender 4.2 as a module of Python is built without sound.
+    if aud is not None:
+        strips.new_sound("Voice", str(sound), 1, 1)
     assert "sequencer" not in found(scene)
     length = "length" if "length" in strips.bl_rna.functions["new_effect"].parameters else "frame_end"
     picture = strips.new_effect(name="Red", type="COLOR", channel=2, frame_start=1, **{length: 5})
