@@ -10,6 +10,8 @@ import bpy
 BLENDER_5 = bpy.app.version >= (5, 0, 0)
 # The Image node of Blender 5.0 shows the first view for all, where one file holds several.
 READS_VIEWS_OF_ONE_FILE = not BLENDER_5
+# Blender 4.2 renders the Sequencer for strips that are muted, too.
+MUTED_STRIPS_COUNT = bpy.app.version < (4, 5, 0)
 ADD_MENU = "NODE_MT_compositor_node_add_all"
 
 
@@ -98,12 +100,14 @@ def use_image_format(settings: bpy.types.ImageFormatSettings, file_format: str) 
     settings.file_format = file_format
 
 
-def has_pictures(scene: bpy.types.Scene) -> bool:
-    """Whether the scene's Sequencer holds anything to be seen, for which it is rendered in place of the scene."""
+def sequencer_is_rendered(scene: bpy.types.Scene) -> bool:
+    """Whether the scene's Sequencer has strips for which Blender renders it in place of the scene, where Sequencer is on."""
     editor = scene.sequence_editor
-    strips = (editor.strips_all if hasattr(editor, "strips_all") else editor.sequences_all) if editor else ()
-    # What is in a meta strip is among them by itself.
-    return any(strip.type not in ("SOUND", "META") and not strip.mute for strip in strips)
+    strips = (editor.strips if hasattr(editor, "strips") else editor.sequences) if editor else ()
+    seen = [strip for strip in strips if strip.type != "SOUND"]
+    if MUTED_STRIPS_COUNT:
+        return bool(seen)
+    return any(not strip.mute and not editor.channels[strip.channel].mute for strip in seen)
 
 
 def own_compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree:

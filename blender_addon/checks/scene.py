@@ -82,7 +82,7 @@ def _output_problems(scene: bpy.types.Scene) -> Iterator[Problem]:
         yield problem("overwrite", "overwrite_off", INFO, fix_in=name)
     if render.use_placeholder:
         yield problem("placeholders", "placeholders", INFO, fix_in=name)
-    if render.use_sequencer and compat.has_pictures(scene):
+    if render.use_sequencer and compat.sequencer_is_rendered(scene):
         yield problem("sequencer", "sequencer", fix_in=name)
     if scene.frame_step > 1:
         yield problem("frame_step", "frame_step", fix_in=name, step=scene.frame_step)

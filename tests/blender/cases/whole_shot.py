@@ -206,6 +206,10 @@ def test_strips_that_are_seen_are_refused_before_rendering() -> None:
     assert kit.files(folder) == [] and scene.render.use_sequencer
     strip.mute = True
     scene.frame_end = 1
+    if bpy.app.version < (4, 5):
+        # There a muted strip is rendered in place of the scene, too.
+        kit.refused(bpy.ops.hush.whole_shot, "Sequencer")
+        strips.remove(strip)
     assert bpy.ops.hush.whole_shot() == {"FINISHED"}
 
 
