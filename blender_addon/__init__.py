@@ -20,6 +20,7 @@ _NAMES = (
     "menus",
     "panel",
     "handlers",
+    "jobs.background",
 )
 _registered: list[ModuleType] = []
 # Blender runs this file again when it reloads the extension, but none of the others.

@@ -10,6 +10,8 @@ import bpy
 BLENDER_5 = bpy.app.version >= (5, 0, 0)
 # The Image node of Blender 5.0 shows the first view for all, where one file holds several.
 READS_VIEWS_OF_ONE_FILE = not BLENDER_5
+# Blender 4.2 renders the Sequencer for strips that are muted, too.
+MUTED_STRIPS_COUNT = bpy.app.version < (4, 5, 0)
 ADD_MENU = "NODE_MT_compositor_node_add_all"
 
 
@@ -18,6 +20,11 @@ def compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
     if BLENDER_5:
         return scene.compositing_node_group
     return scene.node_tree if scene.use_nodes else None
+
+
+def is_switched_off(scene: bpy.types.Scene) -> bool:
+    """Whether the scene has compositor nodes, but Use Nodes is off; Blender 5 knows no such state."""
+    return not BLENDER_5 and not scene.use_nodes and scene.node_tree is not None and len(scene.node_tree.nodes) > 0
 
 
 def ensure_compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree:
@@ -70,6 +77,15 @@ def working_space() -> str:
     return getattr(space, "working_space", "") or "Linear Rec.709"
 
 
+def use_working_space(image: bpy.types.Image) -> None:
+    """Says that an image's pixels are in the colour space that renders are in."""
+    try:
+        image.colorspace_settings.name = working_space()
+    except TypeError:
+        # A colour configuration without that name: no conversion at all is the same here.
+        image.colorspace_settings.is_data = True
+
+
 def use_multilayer(settings: bpy.types.ImageFormatSettings) -> None:
     """Sets an image format to multilayer OpenEXR."""
     if hasattr(settings, "media_type"):
@@ -84,10 +100,14 @@ def use_image_format(settings: bpy.types.ImageFormatSettings, file_format: str) 
     settings.file_format = file_format
 
 
-def strips(scene: bpy.types.Scene) -> bool:
-    """Whether the scene's Sequencer holds anything."""
+def sequencer_is_rendered(scene: bpy.types.Scene) -> bool:
+    """Whether the scene's Sequencer has strips for which Blender renders it in place of the scene, where Sequencer is on."""
     editor = scene.sequence_editor
-    return bool(editor and (editor.strips_all if hasattr(editor, "strips_all") else editor.sequences_all))
+    strips = (editor.strips if hasattr(editor, "strips") else editor.sequences) if editor else ()
+    seen = [strip for strip in strips if strip.type != "SOUND"]
+    if MUTED_STRIPS_COUNT:
+        return bool(seen)
+    return any(not strip.mute and not editor.channels[strip.channel].mute for strip in seen)
 
 
 def own_compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree:

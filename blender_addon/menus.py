@@ -26,6 +26,9 @@ class HUSH_OT_add_node(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Puts it behind the first Render Layers node of this scene; everything that took its image takes the node's."""
         scene = context.scene
+        if not self.at_cursor and compat.is_switched_off(scene):
+            self.report({"ERROR"}, messages.text("node_switched_off"))
+            return {"CANCELLED"}
         if not self.at_cursor and any(node.nodes(scene)):
             self.report({"INFO"}, messages.text("node_there"))
             return {"CANCELLED"}

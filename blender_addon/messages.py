@@ -46,6 +46,7 @@ TEXTS = {
     "half": "The output has 16 bit: very bright pixels and fine steps are lost before denoising. Choose Float (Full) under Output",
     "overwrite_off": "Overwrite is off under Output: frames of an earlier render stay, also where the scene changed",
     "placeholders": "Placeholders are on under Output: empty files stand for frames that are not rendered yet",
+    "file_extension": "File Extensions is off under Output, and frames without .exr at their end are not found: press Prepare Shot",
     "sequencer": "The Sequencer has strips and is rendered in place of the scene: turn off Post Processing › Sequencer",
     "lambda_driven": (
         "λ Noise to Keep follows {what}: its value now, {value:g}, is used for all frames. Keyframes are followed, so bake it to keys"
@@ -76,6 +77,7 @@ TEXTS = {
     "folder_same": "The denoised frames would replace the rendered ones in {folder}: choose another folder under Denoised Frames",
     "folder_file": "{place} is a file, not a folder, so frames cannot be written into {folder}: choose another folder under Folders",
     "folder_closed": "Nothing can be written into {folder}: {reason}. Choose another folder under Folders",
+    "files_unread": "The files of the shot cannot be looked at: {reason}",
     "range_empty": "The frame range of the scene is empty: set its Frame Start and End",
     "unrendered_all": "The shot is not rendered yet, there are no frames in {folder}: press Render Animation",
     "unrendered": "{frames:frame is} not rendered: press Render Animation",
@@ -97,6 +99,10 @@ TEXTS = {
     "composite_folder_same": "Composited frames would replace others in {folder}: choose another folder under Composited Frames",
     "composite_nothing": "No frame of this shot is denoised: press Denoise Shot first",
     "composite_library": "The Hush library is of another version than the extension: install the extension again",
+    "composite_unsaved": (
+        "{images} in the compositor: the changes are not saved, and the composite is made from what is saved. "
+        "Save or pack in an Image Editor, under Image"
+    ),
     "composite_copy": "The copy of the file that is composited cannot be saved: {reason}",
     "composite_missing": "{frames:frame is} not denoised: press Denoise Shot",
     "composite_size": "{frames:frame} cannot be composited: {reason}. Press Render Animation, then Denoise Shot",
@@ -123,6 +129,7 @@ TEXTS = {
     "whole_kept": "{frames:frame is} rendered already and kept: turn on Render Again to render all frames",
     "whole_failed": "{frames:frame is} not rendered: see what Blender reports, then press Render and Denoise Shot again",
     "whole_stopped": "Rendering was stopped: press Render and Denoise Shot again to go on",
+    "whole_no_start": "Blender did not render: see what it reports, and whether the render region is empty, then press the button again",
     "whole_gone": "Scene {name} is gone",
     "whole_done": "{total:frame} rendered and denoised, {rendered} of them now",
     "whole_composited": "{total:frame} rendered, denoised and composited, {rendered} of them rendered now",
@@ -151,9 +158,11 @@ TEXTS = {
     "set_codec": "Output: codec ZIP",
     "set_depth": "Output: 32 bit",
     "set_vector_layer": "View layer {layer} added: 1 sample, without motion blur, for the motion vectors",
+    "set_layer_samples": "Sampling: Layer Samples Use, for the one sample; the other view layers render with the scene's",
     "set_vectors_from": "Motion vectors from view layer {layer}",
     "set_overwrite": "Output: Overwrite on",
     "set_placeholders": "Output: Placeholders off",
+    "set_file_extension": "Output: File Extensions on",
     "set_sequencer": "Post Processing: Sequencer off",
     "set_single_layer": "Render Single Layer off",
     "set_vector_pass": "View layer {layer}: rendered, Vector on, motion blur off",
@@ -175,6 +184,7 @@ TEXTS = {
     # The node, and why it passes the image through
     "node_there": "The compositor has a Temporal Denoise node already",
     "node_tree_linked": "The compositor nodes are linked from another file: add the node there",
+    "node_switched_off": "Use Nodes is off in the compositor, which has nodes: turn it on, then add the node",
     "node_no_editor": "Open the compositor's nodes to add the node there",
     "node_old": (
         "The Temporal Denoise node is of an earlier Hush and shows nothing: press Fix to replace it; its links and settings are kept"

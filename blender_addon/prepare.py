@@ -1,16 +1,15 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Prepare Shot: the render settings that Hush wants, each change remembered in the scene so that it can be undone."""
+"""Prepare Shot: the render settings that Hush wants. Each change is remembered in the scene (`record.py`) so that it can be undone."""
 
-import json
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from typing import Any
+import re
+from collections.abc import Callable
 
 import bpy
 
 from . import compat, messages
 from .messages import Refusal
+from .record import Record, undo
 from .scene_operator import SceneOperator
 
 VECTOR_LAYER = "Hush Vectors"
@@ -25,62 +24,6 @@ GUIDE_SWITCHES = {
     "follow_reflections": ("denoising_pass_follow_reflections", "Follow Reflections"),
     "albedo_weighting": ("denoising_pass_use_albedo_roughness_weighting", "Albedo Roughness Weighting"),
 }
-
-Owner = tuple[str, ...]
-
-
-class Record:
-    """What was changed in a scene and what was there before, kept in `scene.hush.prepared`."""
-
-    def __init__(self, scene: bpy.types.Scene) -> None:
-        self.scene = scene
-        try:
-            stored = json.loads(scene.hush.prepared or "{}")
-        except ValueError:
-            stored = {}
-        stored = stored if isinstance(stored, dict) else {}
-        self.vector_layer: str | None = stored.get("vector_layer")
-        # [owner, property, before, after]
-        self.values: list[list[Any]] = stored.get("values", [])
-
-    def save(self) -> None:
-        """Writes it into the scene; nothing where nothing is changed."""
-        there = {"vector_layer": self.vector_layer, "values": self.values}
-        self.scene.hush.prepared = json.dumps(there) if self.values or self.vector_layer else ""
-
-    def owner(self, path: Owner) -> Any:  # noqa: ANN401 (any Blender struct)
-        """What a path such as ("view_layers", "ViewLayer", "cycles") names, None where it is gone."""
-        found: Any = self.scene
-        for part in path:
-            found = found.get(part) if isinstance(found, bpy.types.bpy_prop_collection) else getattr(found, part, None)
-        return found
-
-    def set(self, path: Owner, name: str, value: Any) -> bool:  # noqa: ANN401 (any property's value)
-        """Sets a property; False where it had that value already."""
-        owner = self.owner(path)
-        before = getattr(owner, name)
-        if before == value:
-            return False
-        setattr(owner, name, value)
-        self._remember(path, name, before, getattr(owner, name))
-        return True
-
-    @contextmanager
-    def watching(self, path: Owner, names: tuple[str, ...]) -> Iterator[Any]:
-        """Remembers what changes among these properties, also those that Blender changes by itself."""
-        owner = self.owner(path)
-        before = {name: getattr(owner, name) for name in names if hasattr(owner, name)}
-        yield owner
-        for name, value in before.items():
-            if getattr(owner, name) != value:
-                self._remember(path, name, value, getattr(owner, name))
-
-    def _remember(self, path: Owner, name: str, before: object, after: object) -> None:
-        for entry in self.values:
-            if entry[:2] == [list(path), name]:
-                entry[3] = after
-                return
-        self.values.append([list(path), name, before, after])
 
 
 def rendered_layers(scene: bpy.types.Scene) -> list[bpy.types.ViewLayer]:
@@ -119,6 +62,12 @@ def seed_is_animated(scene: bpy.types.Scene) -> bool:
     drivers = animation.drivers if animation else []
     moving = any(curve.data_path == "cycles.seed" for curve in (*compat.fcurves(scene), *drivers))
     return scene.cycles.use_animated_seed or moving
+
+
+def lacks_extension(scene: bpy.types.Scene) -> bool:
+    """Whether rendered frames have no .exr at their end, by which they are found."""
+    name = re.split(r"[\\/]", scene.render.filepath)[-1].lower()
+    return not scene.render.use_file_extension and not ("#" in name and name.endswith(".exr"))
 
 
 def _engine(scene: bpy.types.Scene, record: Record) -> list[str]:
@@ -197,9 +146,21 @@ def _motion_blur(scene: bpy.types.Scene, record: Record) -> list[str]:
     if not name:
         name = record.vector_layer = _add_vector_layer(scene, blurred)
         changes.append(messages.text("set_vector_layer", layer=name))
+        changes += _layer_samples(scene, record, name)
     record.set(("hush",), "vector_layer", name)
     changes.append(messages.text("set_vectors_from", layer=name))
     return changes + _single_layer(scene, record)
+
+
+def _layer_samples(scene: bpy.types.Scene, record: Record, name: str) -> list[str]:
+    """Has Cycles heed the one sample of a view layer, and that only, where it ignores what layers say."""
+    if scene.cycles.use_layer_samples != "IGNORE":
+        return []
+    for layer in scene.view_layers:
+        if layer.name != name:
+            record.set(("view_layers", layer.name), "samples", 0)
+    record.set(("cycles",), "use_layer_samples", "USE")
+    return [messages.text("set_layer_samples")]
 
 
 def _add_vector_layer(scene: bpy.types.Scene, blurred: list[bpy.types.ViewLayer]) -> str:
@@ -233,6 +194,13 @@ def _placeholders(scene: bpy.types.Scene, record: Record) -> list[str]:
     return [messages.text("set_placeholders")] if record.set(("render",), "use_placeholder", False) else []
 
 
+def _file_extension(scene: bpy.types.Scene, record: Record) -> list[str]:
+    if not lacks_extension(scene):
+        return []
+    record.set(("render",), "use_file_extension", True)
+    return [messages.text("set_file_extension")]
+
+
 def _sequencer(scene: bpy.types.Scene, record: Record) -> list[str]:
     return [messages.text("set_sequencer")] if record.set(("render",), "use_sequencer", False) else []
 
@@ -260,6 +228,7 @@ STEPS: dict[str, Callable[[bpy.types.Scene, Record], list[str]]] = {
     "seed": _seed,
     "denoising": _denoising,
     "format": _format,
+    "file_extension": _file_extension,
     "motion_blur": _motion_blur,
     "single_layer": _single_layer,
     "vector_pass": _vector_pass,
@@ -268,14 +237,16 @@ STEPS: dict[str, Callable[[bpy.types.Scene, Record], list[str]]] = {
     "sequencer": _sequencer,
     "frame_step": _frame_step,
 }
-PREPARE = ("passes", *GUIDE_SWITCHES, "seed", "denoising", "format", "motion_blur")
+PREPARE = ("passes", *GUIDE_SWITCHES, "seed", "denoising", "format", "file_extension", "motion_blur")
 
 
-def apply(scene: bpy.types.Scene, steps: tuple[str, ...] = PREPARE) -> list[str]:
-    """Does the steps and returns each change in words.
+def apply(
+    scene: bpy.types.Scene, steps: tuple[str, ...] = PREPARE, *, check: Callable[[bpy.types.Scene], object] = lambda _: None
+) -> list[str]:
+    """Does the steps and returns each change in words. `check` looks at the scene then: where it refuses, all is put back.
 
     Raises:
-        Refusal: The scene is not rendered with Cycles, or cannot be changed.
+        Refusal: The scene is not rendered with Cycles, or cannot be changed, or is refused by `check`.
     """
     if scene.library is not None:
         raise Refusal(messages.text("prepare_linked", scene=scene.name))
@@ -283,38 +254,15 @@ def apply(scene: bpy.types.Scene, steps: tuple[str, ...] = PREPARE) -> list[str]
         raise Refusal(messages.text("prepare_engine", scene=scene.name, engine=scene.render.engine))
     record = Record(scene)
     try:
-        return [text for step in steps for text in STEPS[step](scene, record)]
+        changes = [text for step in steps for text in STEPS[step](scene, record)]
     finally:
         record.save()
-
-
-def undo(scene: bpy.types.Scene) -> list[str]:
-    """Puts back what was there before; what was changed by hand since stays. Tells what could not be put back."""
-    record = Record(scene)
-    left = []
-    # All are looked at before any is set: setting one, such as the file format, changes others.
-    by_hand = [entry for entry in record.values if _now(record, entry) not in entry[2:]]
-    for entry in record.values:
-        path, name, before, _ = entry
-        owner = record.owner(tuple(path))
-        if owner is None:
-            left.append(messages.text("undo_gone", name=" › ".join(path)))
-        elif entry in by_hand:
-            left.append(messages.text("undo_by_hand", name=" › ".join((*path, name))))
-        else:
-            try:
-                setattr(owner, name, before)
-            except (TypeError, AttributeError) as error:
-                left.append(messages.text("undo_failed", name=name, reason=error))
-    layer = scene.view_layers.get(record.vector_layer or "")
-    if layer is not None and len(scene.view_layers) > 1:
-        scene.view_layers.remove(layer)
-    scene.hush.prepared = ""
-    return left
-
-
-def _now(record: Record, entry: list[Any]) -> object:
-    return getattr(record.owner(tuple(entry[0])), entry[1], None)
+    try:
+        check(scene)
+    except Refusal:
+        record.take_back()
+        raise
+    return changes
 
 
 class HUSH_OT_prepare_shot(SceneOperator, bpy.types.Operator):

@@ -3,6 +3,7 @@
 """Keeps what panels and nodes show up to date: the disk is read and nodes are changed in a timer, never while drawing or rendering."""
 
 import time
+import traceback
 
 import bpy
 
@@ -38,11 +39,9 @@ def request(*, now: bool = False, nodes_only: bool = False) -> None:
         _wanted = max(time.monotonic(), _last + max(_PERIOD, _TIMES * _took))
 
 
-def shot_changed(scene: bpy.types.Scene) -> None:
-    """After frames were rendered, denoised or deleted. From the main thread."""
+def shot_changed() -> None:
+    """After frames were rendered, denoised or deleted. The nodes follow once no render runs."""
     status.forget()
-    if not bpy.app.background:
-        node.sync(scene)
     request(now=True)
 
 
@@ -51,7 +50,11 @@ def _tick() -> float:
     if _wanted is not None and time.monotonic() >= _wanted and not _is_busy():
         nodes_only = not _for_panels
         _wanted, _for_panels = None, False
-        look(nodes_only=nodes_only)
+        try:
+            look(nodes_only=nodes_only)
+        except Exception:
+            # Blender ends a timer that raises, and nothing would be looked up any more.
+            traceback.print_exc()
     return _TICK
 
 

@@ -4,6 +4,7 @@
 
 import glob
 import json
+import os
 import re
 from collections import Counter
 from pathlib import Path
@@ -70,9 +71,13 @@ def frame_file(pattern: Path, frame: int) -> Path:
     """The file of one frame of a pattern, named as Blender names it."""
 
     def number(hashes: re.Match[str]) -> str:
-        return f"{'-' if frame < 0 else ''}{abs(frame):0{len(hashes[0])}d}"
+        return _digits(frame, len(hashes[0]))
 
     return pattern.with_name(_HASHES.sub(number, pattern.name, count=1))
+
+
+def _digits(frame: int, width: int) -> str:
+    return f"{'-' if frame < 0 else ''}{abs(frame):0{width}d}"
 
 
 def output_folder(scene: bpy.types.Scene) -> Path:
@@ -147,7 +152,7 @@ def settings(scene: bpy.types.Scene, file: Path | None) -> tuple[dict[str, Any],
 
 def example(pattern: Path) -> Path | None:
     """The first file of a pattern, or of a folder, that is not empty. Remembered until something comes into the folder or goes."""
-    folder = pattern if pattern.is_dir() else pattern.parent
+    folder = pattern if os.path.isdir(pattern) else pattern.parent
     try:
         changed = folder.stat().st_mtime_ns
     except OSError:
@@ -155,9 +160,18 @@ def example(pattern: Path) -> Path | None:
     known = _examples.get(pattern)
     if known is None or known[0] != changed or known[1] is None:
         name = "*.exr" if pattern == folder else re.sub(r"#+", "*", glob.escape(pattern.name))
-        found = next((path for path in sorted(folder.glob(name)) if path.is_file() and path.stat().st_size), None)
+        found = next((path for path in sorted(folder.glob(name)) if os.path.isfile(path) and (stamp(path) or (0,))[0]), None)
         known = _examples[pattern] = changed, found
     return known[1]
+
+
+def stamp(file: Path | None) -> tuple[int, int] | None:
+    """Size and time of change of a file; None where it is not there."""
+    try:
+        found = os.stat(file) if file else None
+    except OSError:
+        return None
+    return (found.st_size, found.st_mtime_ns) if found else None
 
 
 def _layers_of(file: Path | None) -> list[str]:
@@ -271,15 +285,26 @@ def _render_pattern(scene: bpy.types.Scene, view: str) -> Path:
     except RuntimeError as error:
         reason = str(error).removeprefix("Error: ").strip()
         raise Refusal(messages.text("path", reason=reason)) from None
+    runs = _HASHES.findall(re.split(r"[\\/]", render.filepath)[-1])
+    width = len(runs[-1]) if runs else 4
+    if render.is_movie_format:
+        return _beside_film(scene, Path(one), width)
     differing = [i for i, (a, b) in enumerate(zip(one, two, strict=False)) if a != b]
     if not differing:
         raise Refusal(messages.text("path_number", path=one))
     end = differing[-1] + 1
-    runs = _HASHES.findall(re.split(r"[\\/]", render.filepath)[-1])
-    width = len(runs[-1]) if runs else 4
     path = Path(one[: end - max(width, 5)] + "#" * width + one[end:])
     # Also after the output was set to another format for the finished film, the frames are EXR files.
     return path.with_suffix(".exr") if render.use_file_extension else path
+
+
+def _beside_film(scene: bpy.types.Scene, film: Path, width: int) -> Path:
+    """Where frames go by the output path of a film, whose name has the range in place of a number."""
+    numbers = "-".join(_digits(frame, width) for frame in (scene.frame_start, scene.frame_end))
+    head, there, tail = film.name.rpartition(numbers)
+    # A name that ends in a film's extension has no range; frames get their number behind it.
+    name = f"{head}{'#' * width}{tail.removesuffix(film.suffix)}" if there else f"{film.name}{'#' * width}"
+    return film.with_name(f"{name}.exr")
 
 
 def _patterns_in(folder: Path) -> list[str]:

@@ -52,7 +52,10 @@ def _file_problems(scene: bpy.types.Scene, *, fresh: bool) -> list[Problem]:
     if fresh:
         status.forget()
     began = time.monotonic()
-    found = list(file_problems(scene, patterns, output, shot.frame_range(scene)))
+    try:
+        found = list(file_problems(scene, patterns, output, shot.frame_range(scene)))
+    except OSError as error:
+        found = [Problem("files", messages.text("files_unread", reason=messages.of_error(error)), level=ERROR)]
     took = time.monotonic() - began
     _seen[scene.session_uid] = (key, began + took + max(_LEAST_REST, _REST * took), found)
     return found

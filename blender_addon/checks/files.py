@@ -46,7 +46,7 @@ def file_problems(scene: bpy.types.Scene, patterns: list[Path], output: Path, fr
 def why_not_writable(folder: Path) -> str | None:
     """Why files cannot be written into a folder, which may not be there yet; None where they can."""
     place = _nearest(folder)
-    if not place.is_dir():
+    if not os.path.isdir(place):
         return messages.text("folder_file", place=place, folder=folder)
     try:
         with tempfile.TemporaryFile(dir=place):
@@ -85,14 +85,14 @@ def _denoised(scene: bpy.types.Scene) -> Iterator[Problem]:
 
 
 def _space(present: list[Path], output: Path, total: int) -> Iterator[Problem]:
-    size = present[len(present) // 2].stat().st_size
-    needed = 0
-    for file in present:
-        done = output / file.name
-        needed += 0 if done.exists() else size
-    needed += size * (total - len(present))
     place = _nearest(output)
-    free = shutil.disk_usage(place).free
+    try:
+        size = present[len(present) // 2].stat().st_size
+        free = shutil.disk_usage(place).free
+    except OSError:
+        # The file or the folder went since it was looked up: there is nothing to reckon with.
+        return
+    needed = size * (total - sum(os.path.exists(output / file.name) for file in present))
     if needed * 1.05 > free:
         yield problem("space", "space", needed=_bytes(needed), free=_bytes(free), place=place)
 
@@ -135,7 +135,7 @@ def _older_layout(scene: bpy.types.Scene, file: Path, passes: dict[str, set[str]
 
 def _nearest(path: Path) -> Path:
     """The path, or the innermost folder around it that is there."""
-    while not path.exists() and path != path.parent:
+    while not os.path.exists(path) and path != path.parent:
         path = path.parent
     return path
 

@@ -76,11 +76,13 @@ def _output_problems(scene: bpy.types.Scene) -> Iterator[Problem]:
             yield problem("format", "lossy_codec", fix_in=name, codec=settings.exr_codec)
         elif settings.color_depth != "32":
             yield problem("format", "half", fix_in=name)
+        if prepare.lacks_extension(scene):
+            yield problem("file_extension", "file_extension", ERROR, fix_in=name)
     if not render.use_overwrite:
         yield problem("overwrite", "overwrite_off", INFO, fix_in=name)
     if render.use_placeholder:
         yield problem("placeholders", "placeholders", INFO, fix_in=name)
-    if render.use_sequencer and compat.strips(scene):
+    if render.use_sequencer and compat.sequencer_is_rendered(scene):
         yield problem("sequencer", "sequencer", fix_in=name)
     if scene.frame_step > 1:
         yield problem("frame_step", "frame_step", fix_in=name, step=scene.frame_step)
@@ -119,10 +121,10 @@ def _node_problems(scene: bpy.types.Scene) -> Iterator[Problem]:
 
 
 def _problems_with_others(scene: bpy.types.Scene) -> Iterator[Problem]:
-    """Other scenes that render to the same files."""
+    """Other scenes that render to the same files; linked ones are rendered where they are at home."""
     own = _rendered_files(scene)
     for other in bpy.data.scenes:
-        same = own & _rendered_files(other) if other != scene else set()
+        same = own & _rendered_files(other) if other != scene and other.library is None else set()
         if same:
             yield problem("same_files", "same_files", ERROR, one=scene.name, other=other.name, path=min(same))
 

@@ -5,6 +5,7 @@
 It runs in another process, on a copy of the scene in a file of its own. In the open file nothing is changed, not for a moment.
 """
 
+import os
 import shutil
 import sys
 from pathlib import Path
@@ -30,7 +31,7 @@ class CompositeJob(job.Job):
         self.remarks: dict[int, tuple[str, str]] = dict(what.refused)
         self._blend = blend
         self._folder = Path(what.work["folder"])
-        self._had_folder = self._folder.exists()
+        self._had_folder = os.path.exists(self._folder)
         super().__init__(scene_name, command, {**what.work, "blend": str(blend)})
 
     def line(self, event: dict[str, Any]) -> str | None:
@@ -59,7 +60,7 @@ class CompositeJob(job.Job):
     def _clean_up(self) -> None:
         contents.remove_copy(self._blend)
         shutil.rmtree(self.contents.work["aside"], ignore_errors=True)
-        if not self._had_folder and self._folder.is_dir() and not any(self._folder.iterdir()):
+        if not self._had_folder and os.path.isdir(self._folder) and not any(self._folder.iterdir()):
             self._folder.rmdir()
 
 

@@ -43,7 +43,8 @@ class _Source:
         return [(each, self.output / each.name) for each in rendered]
 
     def work(self) -> dict[str, Any]:
-        others = [scene.name for scene in bpy.data.scenes if scene != self.scene]
+        # A linked scene may have the same name, which is all that a file says.
+        others = sorted({scene.name for scene in bpy.data.scenes} - {self.scene.name})
         return {"scene": self.scene.name_full, "views": self.views, "size": shot.render_size(self.scene), "others": others}
 
 
@@ -97,6 +98,9 @@ def _refuse(scene: bpy.types.Scene) -> None:
         raise Refusal(messages.text("range_empty"))
     if scene.render.use_multiview and shot.views(scene) == [""] and not compat.READS_VIEWS_OF_ONE_FILE:
         raise Refusal(messages.text("stereo_one_file"))
+    unsaved = _unsaved_images(scene)
+    if unsaved:
+        raise Refusal(messages.text("composite_unsaved", images=" and ".join(unsaved)))
     target = folder(scene)
     taken = {pattern.parent for pattern in shot.frame_patterns(scene)} | {shot.output_folder(scene)}
     if any(target.resolve() == other.resolve() for other in taken):
@@ -104,6 +108,13 @@ def _refuse(scene: bpy.types.Scene) -> None:
     wrong = check.why_not_writable(target)
     if wrong:
         raise Refusal(wrong)
+
+
+def _unsaved_images(scene: bpy.types.Scene) -> list[str]:
+    """Names of the images in the compositor whose pixels are neither in a file nor in the .blend, and so not in the copy."""
+    shown = (each for _, each in kinds.reached(scene) if not each.mute)
+    images = (getattr(owner, "image", None) for each in shown for owner in (each, getattr(each, "texture", None)))
+    return sorted({image.name for image in images if image is not None and image.source != "VIEWER" and image.is_dirty})
 
 
 def _nodes(scene: bpy.types.Scene) -> tuple[dict[str, dict[str, Any]], list[_Source]]:

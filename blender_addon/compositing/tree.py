@@ -87,11 +87,7 @@ class Stage:
             raise FrameError(f"{path.name} does not load: {messages.of_error(error)}") from None
         self._images.append(image)
         image.use_multiview = self._work["views_in_one_file"]
-        try:
-            image.colorspace_settings.name = compat.working_space()
-        except TypeError:
-            # A colour configuration without that name: no conversion at all is the same here.
-            image.colorspace_settings.is_data = True
+        compat.use_working_space(image)
         # Of files with layers Blender tells no size; that they have the right one was looked up before, in their headers.
         wanted, size = exr.size_if_whole(path), tuple(image.size)
         if wanted is None or (image.type != "MULTILAYER" and size != wanted):

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Denoise Shot: the frames of the scene, or of files that are named, in the background or, in scripts, until they are done."""
 
+import os
 import re
 import time
 from pathlib import Path
@@ -54,8 +55,8 @@ def runs(scene: bpy.types.Scene, source: str = "", target: str = "", *, overwrit
 def _named(source: str) -> list[tuple[Path, list[int] | None]]:
     """A folder, a pattern with #, one file, or a beginning of names as in the scene's output path."""
     path = Path(bpy.path.abspath(source))
-    if path.is_dir() or "#" in path.name:
-        return [(path if path.is_dir() or path.suffix else path.with_name(f"{path.name}.exr"), None)]
+    if os.path.isdir(path) or "#" in path.name:
+        return [(path if os.path.isdir(path) or path.suffix else path.with_name(f"{path.name}.exr"), None)]
     digits = _LAST_DIGITS.search(path.stem)
     if path.suffix.lower() == ".exr" and digits:
         # One frame; the ones beside it still help.
@@ -68,7 +69,7 @@ def _named(source: str) -> list[tuple[Path, list[int] | None]]:
 
 
 def _folder_of(inputs: Path) -> Path:
-    return inputs if inputs.is_dir() else inputs.parent
+    return inputs if os.path.isdir(inputs) else inputs.parent
 
 
 def _folder(target: str) -> Path:
@@ -77,7 +78,7 @@ def _folder(target: str) -> Path:
 
 
 def _names_a_file(path: Path) -> bool:
-    return not path.is_dir() and ("#" in path.name or path.suffix.lower() == ".exr")
+    return not os.path.isdir(path) and ("#" in path.name or path.suffix.lower() == ".exr")
 
 
 def _check_output(inputs: Path, output: Path, target: str) -> None:
@@ -85,7 +86,7 @@ def _check_output(inputs: Path, output: Path, target: str) -> None:
     if folder.resolve() == output.resolve():
         raise Refusal(messages.text("folder_replaces", folder=folder, other=folder / "denoised"))
     name = Path(target).name if target and _names_a_file(Path(bpy.path.abspath(target))) else ""
-    if name and not inputs.is_dir() and _without_number(name) != _without_number(inputs.name):
+    if name and not os.path.isdir(inputs) and _without_number(name) != _without_number(inputs.name):
         raise Refusal(messages.text("names_kept", file=inputs.name, name=name))
     wrong = check.why_not_writable(output)
     if wrong:
@@ -183,7 +184,7 @@ def outcome(done: job.Job) -> tuple[str, list[tuple[str, str]]]:
         text = messages.text("denoise_stopped", count=written)
         return "CANCELLED", [*reports, ("WARNING", text)]
     if errors or stopped or failed or missing or there < wanted or not results:
-        why = [errors[0] if errors else messages.of_error(stopped or ""), _unrendered(missing) if missing else ""]
+        why = [errors[0] if errors else messages.of_error(stopped) if stopped else "", _unrendered(missing) if missing else ""]
         more = messages.text("denoise_more", count=len(errors) - 1) if len(errors) > 1 else ""
         how_many = messages.text("denoise_some", there=there, wanted=wanted + _count(missing)) if results else ""
         text = ". ".join(part.rstrip(".") for part in (*why, more, how_many) if part) or messages.text("denoise_nothing")
@@ -239,10 +240,8 @@ class HUSH_OT_denoise_shot(background.JobOperator, bpy.types.Operator):
         return start(scene, self.input_filepath, self.output_filepath, overwrite=self.overwrite)
 
     def _outcome(self) -> tuple[str, list[tuple[str, str]]]:
-        scene = bpy.data.scenes.get(self._job.scene_name)
-        if scene is not None:
-            check.forget()
-            refresh.shot_changed(scene)
+        check.forget()
+        refresh.shot_changed()
         return outcome(self._job)
 
 

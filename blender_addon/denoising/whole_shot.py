@@ -5,10 +5,6 @@
 It goes on where it was stopped: frames that are rendered are not rendered again, unless that is asked for.
 """
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from typing import Any
-
 import bpy
 from bpy.props import BoolProperty
 
@@ -19,10 +15,12 @@ from ..jobs import background, job
 from ..messages import Refusal
 from ..nodes import kinds
 from . import denoise
+from .rendering import Rendering, only
 
 # What is wrong with frames that are there does not matter before they are rendered.
 _OF_FRAMES = {"first_frame", "frames", "older"}
-_RUNS_OF_FRAMES = "frame_start" in bpy.ops.render.render.get_rna_type().properties
+# With what is only odd elsewhere, as frames may have come before it, nothing can be rendered.
+_STRICT = {"sequencer"}
 
 
 def to_render(scene: bpy.types.Scene) -> list[int]:
@@ -52,74 +50,44 @@ def begin(scene: bpy.types.Scene, *, render_again: bool) -> tuple[list[int], lis
     """Prepares the scene and returns the frames to render, and in words what was changed and which frames are kept.
 
     Raises:
-        Refusal: The scene cannot be rendered or denoised so.
+        Refusal: The scene cannot be rendered or denoised so; nothing is changed then.
     """
     job.refuse_second()
-    changes = prepare.apply(scene)
-    check.forget()
-    wrong = [each for each in check.problems(scene, fresh=True) if each.level == check.ERROR and each.key not in _OF_FRAMES]
-    if wrong:
-        raise Refusal(". ".join(each.text for each in wrong))
-    todo = list(shot.frame_range(scene)) if render_again else to_render(scene)
-    # Frames of a folder of their own are rendered elsewhere.
-    if todo and scene.hush.input_folder:
-        raise Refusal(messages.text("unrendered", frames=todo))
+    refuse(scene, but_for={*_OF_FRAMES, *prepare.PREPARE})
+    todo: list[int] = []
+
+    def look(scene: bpy.types.Scene) -> None:
+        refuse(scene, but_for=_OF_FRAMES)
+        todo.extend(shot.frame_range(scene) if render_again else to_render(scene))
+        # Frames of a folder of their own are rendered elsewhere.
+        if todo and scene.hush.input_folder:
+            raise Refusal(messages.text("unrendered", frames=todo))
+
+    changes = prepare.apply(scene, check=look)
+    if changes:
+        bpy.ops.ed.undo_push(message="Prepare Shot")
     notes = [messages.text("prepared", changes="; ".join(changes))] if changes else []
     there = [frame for frame in shot.frame_range(scene) if frame not in todo]
     return todo, [*notes, messages.text("whole_kept", frames=there)] if there else notes
 
 
+def refuse(scene: bpy.types.Scene, *, but_for: set[str]) -> None:
+    """Raises a Refusal where something is wrong, but for problems with these keys."""
+    found = (each for each in check.problems(scene, fresh=True) if each.key not in but_for)
+    wrong = [each.text for each in found if each.level == check.ERROR or each.key in _STRICT]
+    if wrong:
+        raise Refusal(". ".join(wrong))
+
+
+def stamps(scene: bpy.types.Scene, frames: list[int]) -> dict[int, list[tuple[int, int] | None]]:
+    """What tells whether the rendered files of each frame were written again."""
+    patterns = shot.frame_patterns(scene)
+    return {frame: [shot.stamp(shot.frame_file(pattern, frame)) for pattern in patterns] for frame in frames}
+
+
 def has_node(scene: bpy.types.Scene) -> bool:
     """Whether there is something to composite."""
     return any(kinds.of_hush(each) is not None for _, each in kinds.reached(scene))
-
-
-@contextmanager
-def only(scene: bpy.types.Scene, first: int, last: int) -> Iterator[dict[str, Any]]:
-    """The arguments with which Blender renders these frames only; before 5.0 its range is set for so long."""
-    arguments: dict[str, Any] = {"animation": True, "scene": scene.name}
-    if _RUNS_OF_FRAMES:
-        yield {**arguments, "frame_start": first, "frame_end": last}
-        return
-    before = scene.frame_start, scene.frame_end
-    scene.frame_start, scene.frame_end = first, last
-    try:
-        yield arguments
-    finally:
-        scene.frame_start, scene.frame_end = before
-
-
-def _render_in_window(arguments: dict[str, Any]) -> None:
-    bpy.ops.render.render("INVOKE_DEFAULT", **arguments)
-
-
-class _Render:
-    """Blender's own render in a window, which ends in its own time; its handlers are not called in the main thread."""
-
-    def __init__(self) -> None:
-        self.began = self.ended = self.cancelled = False
-
-    def pre(self, *_: object) -> None:
-        self.began = True
-
-    def complete(self, *_: object) -> None:
-        self.ended = True
-
-    def cancel(self, *_: object) -> None:
-        self.ended = self.cancelled = True
-
-    def _places(self) -> list[tuple[list[Callable], Callable]]:
-        handlers = bpy.app.handlers
-        return [(handlers.render_pre, self.pre), (handlers.render_complete, self.complete), (handlers.render_cancel, self.cancel)]
-
-    def listen(self) -> None:
-        for place, function in self._places():
-            place.append(function)
-
-    def forget(self) -> None:
-        for place, function in self._places():
-            if function in place:
-                place.remove(function)
 
 
 class HUSH_OT_whole_shot(background.JobOperator, bpy.types.Operator):
@@ -128,6 +96,7 @@ class HUSH_OT_whole_shot(background.JobOperator, bpy.types.Operator):
     bl_idname = "hush.whole_shot"
     bl_label = "Render and Denoise Shot"
     bl_options = {"REGISTER"}
+    doing = "rendered"
 
     render_again: BoolProperty(
         name="Render Again",
@@ -137,10 +106,10 @@ class HUSH_OT_whole_shot(background.JobOperator, bpy.types.Operator):
     )
 
     _todo: list[int]
+    # The stamps of their files before they are rendered.
+    _before: dict[int, list[tuple[int, int] | None]]
     _runs: list[tuple[int, int]]
-    _render: _Render | None = None
-    # What holds the scene's range until Blender has begun to render.
-    _range: Any = None
+    _render: Rendering | None = None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Does all of it and returns when it is done; for scripts."""
@@ -170,29 +139,25 @@ class HUSH_OT_whole_shot(background.JobOperator, bpy.types.Operator):
         if scene is None:
             return {"CANCELLED"}
         self.scene = scene.name
-        context.window_manager.progress_begin(0, 1000)
-        self._timer = context.window_manager.event_timer_add(background.TICK, window=context.window)
-        context.window_manager.modal_handler_add(self)
-        self._render_next(scene)
+        self._go_on(context)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Waits for Blender's render, then for the processes."""
+        """Has Blender render, one row of frames after the other, then waits for the processes."""
         if self._job is not None:
-            return super().modal(context, event)
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"}
-        if self._range is not None and self._render.began:
-            self._give_range_back()
-        if self._render is not None and (not self._render.ended or bpy.app.is_job_running("RENDER")):
+            return background.JobOperator.modal(self, context, event)
+        # While Blender renders Esc is its own.
+        if event.type == "ESC" and event.value == "PRESS" and self._render is not None and not bpy.app.is_job_running("RENDER"):
+            self._render.stop()
+            return {"RUNNING_MODAL"}
+        if event.type != "TIMER" or self._render is not None and not self._render.is_over():
             return {"PASS_THROUGH"}
         return self._next(context, None)
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Blender ends the operator, as when another file is opened."""
-        self._give_range_back()
         if self._render is not None:
-            self._render.forget()
+            self._render.end()
         self._hide(context)
         if self._job is not None:
             self._job.close()
@@ -206,40 +171,30 @@ class HUSH_OT_whole_shot(background.JobOperator, bpy.types.Operator):
         except Refusal as error:
             self.report({"ERROR"}, str(error))
             return None
+        self._before = stamps(scene, self._todo)
         self._runs = runs(self._todo, max(1, scene.frame_step))
         for text in notes:
             self.report({"INFO"}, text)
         return scene
 
-    def _render_next(self, scene: bpy.types.Scene) -> None:
-        self._render = None
-        if self._runs:
-            self._render = _Render()
-            self._render.listen()
-            self._range = only(scene, *self._runs.pop(0))
-            _render_in_window(self._range.__enter__())
-
-    def _give_range_back(self) -> None:
-        if self._range is not None:
-            held, self._range = self._range, None
-            held.__exit__(None, None, None)
-
     def _next(self, context: bpy.types.Context, done: job.Job | None) -> set[str]:
         """Begins the next step, or ends."""
-        self._give_range_back()
-        stopped = self._render is not None and self._render.cancelled
-        if self._render is not None:
-            self._render.forget()
+        rendered, self._render = self._render, None
+        stopped = rendered is not None and rendered.stopped
+        if rendered is not None:
+            rendered.end()
         scene = bpy.data.scenes.get(self.scene)
         try:
             if scene is None:
                 raise Refusal(messages.text("whole_gone", name=self.scene))
             if stopped:
                 raise Refusal(messages.text("whole_stopped"))
+            if rendered is not None and rendered.failed:
+                raise Refusal(messages.text("whole_no_start"))
             if done is None and self._runs:
-                self._render_next(scene)
+                self._render = Rendering()
+                self._render.start(scene, *self._runs.pop(0))
             elif done is None:
-                self._render = None
                 self._look_at_renders(scene)
                 self._job = denoise.start(scene)
             elif isinstance(done, denoise.DenoiseJob) and has_node(scene):
@@ -248,6 +203,8 @@ class HUSH_OT_whole_shot(background.JobOperator, bpy.types.Operator):
                 self._hide(context)
                 return self._sum_up(scene)
         except (Refusal, RuntimeError) as error:
+            if self._render is not None:
+                self._render.end()
             self._hide(context)
             self.report({"WARNING" if stopped else "ERROR"}, str(error).removeprefix("Error: ").strip())
             return {"CANCELLED"}
@@ -259,18 +216,17 @@ class HUSH_OT_whole_shot(background.JobOperator, bpy.types.Operator):
         result, reports = (composite if isinstance(done, composite.CompositeJob) else denoise).outcome(done)
         for level, text in reports:
             self.report({level}, text)
-        scene = bpy.data.scenes.get(self.scene)
-        if scene is not None:
-            check.forget()
-            refresh.shot_changed(scene)
+        check.forget()
+        refresh.shot_changed()
         if result != "FINISHED":
             self._hide(context)
             return {"CANCELLED"}
         return self._next(context, done)
 
     def _look_at_renders(self, scene: bpy.types.Scene) -> None:
-        """Raises a Refusal where a frame is not there after rendering."""
-        missing = to_render(scene)
+        """Raises a Refusal where a frame is not there after rendering, or is still the file that was there before."""
+        now = stamps(scene, self._todo)
+        missing = {*to_render(scene), *(frame for frame in self._todo if now[frame] == self._before[frame])}
         if missing:
             raise Refusal(messages.text("whole_failed", frames=missing))
 

@@ -12,22 +12,28 @@ from ..scene_operator import SceneOperator
 from . import job
 
 TICK = 0.1
+# The operators that go on in a window.
+_going_on: list["JobOperator"] = []
 
 
 class JobOperator(SceneOperator):
     """Denoise Shot, Composite Denoised and Denoise This Frame. A kind starts its job in `_start` and sums it up in `_outcome`."""
 
+    # What is being done to the shot where no job runs, for messages; empty where nothing is.
+    doing = ""
     _job: job.Job | None = None
     _timer: bpy.types.Timer | None = None
+    # The workspaces whose status text is of this operator.
+    _told_in: frozenset[str] = frozenset()
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """One job at a time."""
         running = job.current()
-        if running is not None:
-            cls.poll_message_set(messages.text("job_busy", doing=running.doing))
-            return False
-        return True
+        doing = running.doing if running is not None else next((each.doing for each in _going_on if each.doing), "")
+        if doing:
+            cls.poll_message_set(messages.text("job_busy", doing=doing))
+        return not doing
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Does the work and returns when it is done; for scripts."""
@@ -58,9 +64,7 @@ class JobOperator(SceneOperator):
             return self.execute(context)
         if not self._begin(context):
             return {"CANCELLED"}
-        context.window_manager.progress_begin(0, 1000)
-        self._timer = context.window_manager.event_timer_add(TICK, window=context.window)
-        context.window_manager.modal_handler_add(self)
+        self._go_on(context)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -96,6 +100,12 @@ class JobOperator(SceneOperator):
             return False
         return True
 
+    def _go_on(self, context: bpy.types.Context) -> None:
+        context.window_manager.progress_begin(0, 1000)
+        self._timer = context.window_manager.event_timer_add(TICK, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        _going_on.append(self)
+
     def _ended(self, context: bpy.types.Context) -> set[str]:
         self._hide(context)
         return self._finish()
@@ -105,15 +115,18 @@ class JobOperator(SceneOperator):
         hint = "" if self._job.cancelled else "   Esc: stop"
         if context.workspace:
             context.workspace.status_text_set(f"Hush: {self._job.text} ({self._job.fraction:.0%}){hint}")
+            self._told_in |= {context.workspace.name}
         refresh.redraw()
 
     def _hide(self, context: bpy.types.Context) -> None:
         if self._timer is not None:
             context.window_manager.event_timer_remove(self._timer)
             self._timer = None
+        _going_on[:] = [each for each in _going_on if each is not self]
         context.window_manager.progress_end()
         for workspace in bpy.data.workspaces:
-            workspace.status_text_set(None)
+            if workspace.name in self._told_in:
+                workspace.status_text_set(None)
 
     def _finish(self) -> set[str]:
         result, reports = self._outcome()
@@ -122,3 +135,13 @@ class JobOperator(SceneOperator):
         for level, text in reports:
             self.report({level}, text)
         return {result}
+
+
+def register() -> None:
+    """Nothing to add: each kind is registered by itself."""
+
+
+def unregister() -> None:
+    """Ends what goes on in a window, whose operators are about to go."""
+    for each in list(_going_on):
+        each.cancel(bpy.context)

@@ -114,7 +114,7 @@ def show(tree: bpy.types.NodeTree, frame: int, picture: Picture) -> bool:
     node = tree.nodes[FRAME]
     known = _read.get(tree.session_uid)
     image = node.image
-    if known == picture and path_of(image) != picture.path:
+    if known == picture and not _is_of(image, picture.path):
         known = None
     if known == picture and shown_frame(tree) == frame and tree.nodes[CHOICE].inputs["On"].is_linked:
         return True
@@ -146,9 +146,20 @@ def pass_through(tree: bpy.types.NodeTree) -> bool:
 
 
 def resume(tree: bpy.types.NodeTree, frame: int) -> None:
-    """Shows what was shown before `hide`."""
-    tree[SHOWN_KEY] = frame
-    _set_chosen(tree, True)
+    """Shows what was shown before `hide` and `unload`."""
+    picture = _read.get(tree.session_uid)
+    if picture is not None and is_sound(tree):
+        show(tree, frame, picture)
+
+
+def unload(tree: bpy.types.NodeTree) -> None:
+    """Leaves nothing of a denoised frame that the open file could hold: what was packed goes, and nothing is there to be packed."""
+    image = _own_image(tree)
+    if image is None:
+        return
+    _unpack(image)
+    if bpy.data.use_autopack:
+        image.source = "GENERATED"
 
 
 def forget() -> None:
@@ -175,21 +186,33 @@ def _own_image(tree: bpy.types.NodeTree) -> bpy.types.Image | None:
 def _new_image() -> bpy.types.Image:
     image = bpy.data.images.new(NAME, 1, 1)
     image.source = "FILE"
-    try:
-        image.colorspace_settings.name = compat.working_space()
-    except TypeError:
-        # A colour configuration without that name: no conversion at all is the same here.
-        image.colorspace_settings.is_data = True
+    compat.use_working_space(image)
     return image
 
 
 def _load(image: bpy.types.Image, picture: Picture) -> None:
     """Points an image at a file and has its pixels read anew, as Blender keeps those of a file that was written again."""
+    _unpack(image)
+    image.source = "FILE"
     if path_of(image) == picture.path:
         image.reload()
-    else:
-        path = str(picture.path)
+        return
+    path = str(picture.path)
+    try:
         image.filepath = bpy.path.relpath(path) if picture.relative and bpy.data.is_saved else path
+    except ValueError:
+        # Another drive of Windows.
+        image.filepath = path
+
+
+def _is_of(image: bpy.types.Image, path: Path) -> bool:
+    """Whether an image's pixels are those of a file, and not of a copy in the open file, as after Pack Resources."""
+    return image.source == "FILE" and image.packed_file is None and path_of(image) == path
+
+
+def _unpack(image: bpy.types.Image) -> None:
+    if image.packed_file is not None:
+        image.unpack(method="REMOVE")
 
 
 def _connect(tree: bpy.types.NodeTree, layers: Sequence[str]) -> bool:

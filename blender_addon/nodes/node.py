@@ -5,9 +5,7 @@
 It never shows a denoised frame in what is rendered or saved; `handlers.py` sees to that.
 """
 
-import os
 from collections.abc import Iterator
-from pathlib import Path
 
 import bpy
 
@@ -85,6 +83,7 @@ def suspend() -> dict[str, int]:
     shown = {tree.name: frame for tree in _local_trees() if (frame := inside.shown_frame(tree)) is not None}
     for tree in _local_trees():
         inside.hide(tree)
+        inside.unload(tree)
     return shown
 
 
@@ -112,7 +111,7 @@ def frame_is_rendered(scene: bpy.types.Scene) -> None:
             file = shot.frame_file(shot.frame_pattern(source), scene.frame_current)
         except Refusal:
             continue
-        _rendered[source.session_uid, scene.frame_current] = _stamp(file)
+        _rendered[source.session_uid, scene.frame_current] = shot.stamp(file)
 
 
 def forget() -> None:
@@ -189,9 +188,9 @@ def _show(tree: bpy.types.NodeTree, scene: bpy.types.Scene) -> str | None:
     if known.state != "current" or known.output is None:
         return known.why
     began = _rendered.get((source.session_uid, frame), known)
-    if began is not known and began == _stamp(known.source):
+    if began is not known and began == shot.stamp(known.source):
         return messages.text("node_rendered")
-    stamp = _stamp(known.output)
+    stamp = shot.stamp(known.output)
     if stamp is None:
         return messages.text("node_missing")
     layers = (tree.hush.view_layer,) if tree.hush.view_layer else tuple(shot.layers(source))
@@ -213,14 +212,6 @@ def _files(scene: bpy.types.Scene) -> object:
         return shot.sequences(scene)
     except Refusal:
         return None
-
-
-def _stamp(file: Path | None) -> tuple[int, int] | None:
-    try:
-        found = os.stat(file) if file else None
-    except OSError:
-        return None
-    return (found.st_size, found.st_mtime_ns) if found else None
 
 
 def _replace(old: bpy.types.Node) -> None:

@@ -72,9 +72,9 @@ def show(shown: Shown, view: str, wipe: float, editor: bpy.types.SpaceImageEdito
 def _add(view: str, wipe: float, spaces: list[bpy.types.SpaceImageEditor]) -> None:
     _write(_shown, view, wipe)
     made = bpy.data.images.load(str(_file(_shown)), check_existing=False)
-    made.name = NAME
-    made.colorspace_settings.name = compat.working_space()
     _shown.image_uid = made.session_uid
+    made.name = NAME
+    compat.use_working_space(made)
     for space in spaces:
         if not any(space == known for known, _ in _shown.before):
             _shown.before.append((space, space.image.name_full if space.image else ""))
@@ -90,15 +90,18 @@ def update(view: str, wipe: float) -> None:
 
 
 def take_out() -> list[bpy.types.SpaceImageEditor]:
-    """Removes the image and has its editors show what they showed before; returns these. `put_back` undoes it."""
+    """Removes the image and has its editors show what they showed before; returns these. `put_back` undoes it.
+
+    Where the image went by itself, as by undo, its editors are those that were left empty.
+    """
     made = image()
-    if made is None:
-        return []
-    spaces = [space for space in editors() if space.image == made]
+    before = [space for space, _ in _shown.before] if _shown is not None else []
+    spaces = [space for space in editors() if space.image == made and (made is not None or space in before)]
     for space in spaces:
         name = next((name for known, name in _shown.before if known == space), "")
         space.image = next((each for each in bpy.data.images if each.name_full == name and each != made), None)
-    bpy.data.images.remove(made)
+    if made is not None:
+        bpy.data.images.remove(made)
     return spaces
 
 

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Denoise This Frame: the current frame by the scene's settings, in the Image Editor, with before and after and what flickers."""
 
+import os
 import time
 from pathlib import Path
 from typing import Any
@@ -59,7 +60,7 @@ def arguments(scene: bpy.types.Scene, view_layer: str, *, flicker: bool = False)
     frame = scene.frame_current
     pattern = shot.frame_patterns(scene)[0]
     file = shot.frame_file(pattern, frame)
-    if not file.is_file():
+    if not os.path.isfile(file):
         raise Refusal(messages.text("preview_unrendered", frame=frame, file=file))
     render, layers = scene.render, shot.layers(scene)
     border = [render.border_min_x, render.border_min_y, render.border_max_x, render.border_max_y] if render.use_border else None
@@ -271,8 +272,10 @@ def load_pre(*_: object) -> None:
 
 @persistent
 def undone(*_: object) -> None:
-    """Undo and redo may bring back an image that was taken away."""
+    """Undo and redo may bring back an image that was taken away, and take one away that is shown."""
     display.remove_strays()
+    if display.current() is not None and display.image() is None:
+        display.end()
 
 
 _HANDLERS = {

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import wave
 from pathlib import Path
 
 import bpy
 import kit
+
+try:
+    import aud
+except ImportError:
+    aud = None
 
 check = kit.module("checks.check")
 
@@ -202,6 +208,41 @@ def test_two_scenes_that_render_to_the_same_files() -> None:
     two.render.filepath = one.render.filepath
     two.camera = None
     assert "same_files" not in found(one)
+
+
+def test_a_linked_scene_of_the_same_files_is_no_matter() -> None:
+    """It is rendered in its own file."""
+    one, _ = shot_scene()
+    library = kit.folder("library") / "library.blend"
+    bpy.data.libraries.write(str(library), {one})
+    with bpy.data.libraries.load(str(library), link=True) as (_, into):
+        into.scenes = [one.name]
+    assert len(bpy.data.scenes) == 2 and "same_files" not in found(one)
+
+
+def test_strips_that_are_not_seen_are_no_matter() -> None:
+    scene, folder = shot_scene()
+    sound = folder / "voice.wav"
+    with wave.open(str(sound), "wb") as file:
+        file.setnchannels(1)
+        file.setsampwidth(2)
+        file.setframerate(8000)
+        file.writeframes(b"\0\0" * 8000)
+    editor = scene.sequence_editor_create()
+    strips = editor.strips if hasattr(editor, "strips") else editor.sequences
+    # Blender 4.2 as a module of Python is built without sound.
+    if aud is not None:
+        strips.new_sound("Voice", str(sound), 1, 1)
+    assert "sequencer" not in found(scene)
+    length = "length" if "length" in strips.bl_rna.functions["new_effect"].parameters else "frame_end"
+    picture = strips.new_effect(name="Red", type="COLOR", channel=2, frame_start=1, **{length: 5})
+    assert "sequencer" in found(scene)
+    # As Blender renders them: 4.2 in place of the scene although they are muted.
+    muted_count = bpy.app.version < (4, 5)
+    picture.mute = True
+    assert ("sequencer" in found(scene)) == muted_count
+    picture.mute, editor.channels[2].mute = False, True
+    assert ("sequencer" in found(scene)) == muted_count
 
 
 def test_stereo_in_one_file() -> None:

@@ -170,6 +170,32 @@ def test_a_pass_that_the_files_lack_is_told() -> None:
     assert layers.outputs["Mist"].is_linked and result.links[0].from_node == layers
 
 
+def test_images_that_are_not_saved_are_refused() -> None:
+    """Their pixels are in no file, and so not in the copy that is composited."""
+    scene, folder = denoised_scene("painted", frames=1)
+    tree, layers, result = tree_of(scene)
+    mask = bpy.data.images.new("Mask", 96, 54, float_buffer=True)
+    mask.pixels = [0.5, 0.25, 0.125, 1.0] * (96 * 54)
+    shown = tree.nodes.new("CompositorNodeImage")
+    shown.image = mask
+    over = tree.nodes.new("CompositorNodeAlphaOver")
+    images = [socket for socket in over.inputs if socket.type == "RGBA"]
+    tree.links.new(layers.outputs["Image"], images[0])
+    tree.links.new(shown.outputs["Image"], images[1])
+    tree.links.new(over.outputs["Image"], result)
+    refused("Mask", "not saved")
+    assert not (folder / "composited").exists()
+    shown.mute = True
+    tree.links.new(layers.outputs["Image"], result)
+    assert untouched() == {"FINISHED"}
+    shown.mute = False
+    tree.links.new(over.outputs["Image"], result)
+    mask.pack()
+    assert untouched() == {"FINISHED"}
+    made = plain(folder / "composited" / "frame_0001.exr")
+    kit.assert_close(made[..., :3], np.broadcast_to(np.float32([0.5, 0.25, 0.125]), (54, 96, 3)), HALF, "the packed mask")
+
+
 def test_rendering_works_as_before_afterwards() -> None:
     scene, folder = denoised_scene("afterwards", frames=1)
     tree_of(scene)

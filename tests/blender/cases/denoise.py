@@ -170,7 +170,7 @@ def test_scenes_that_cannot_be() -> None:
 def test_missing_and_damaged_frames_are_an_error_but_the_rest_is_done() -> None:
     scene, frames = shot_scene("gaps")
     (frames / "frame_0004.exr").unlink()
-    refused("Frame 4 is not rendered: press Render Animation")
+    refused("Error: Frame 4 is not rendered: press Render Animation")
     assert images(frames / "denoised") == [name for name in NAMES if "4" not in name]
     shutil.copy(kit.shot() / "frame_0004.exr", frames)
     (frames / "frame_0005.exr").write_bytes((kit.shot() / "frame_0005.exr").read_bytes()[:20000])

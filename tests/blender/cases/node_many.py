@@ -154,3 +154,17 @@ def test_the_node_goes_between_what_was_linked() -> None:
     assert {link.to_node for link in node.outputs[0].links} == before
     assert {link.to_node for link in layers.outputs["Image"].links} == {node}
     assert bpy.ops.hush.add_node() == {"CANCELLED"}
+
+
+def test_a_compositor_that_is_switched_off_stays_off() -> None:
+    """Before Blender 5, which has no Use Nodes."""
+    scene = kit.build_scene()
+    assert bpy.ops.hush.add_node() == {"FINISHED"}
+    if bpy.app.version >= (5, 0):
+        return
+    before = len(scene.node_tree.nodes)
+    scene.use_nodes = False
+    kit.refused(bpy.ops.hush.add_node, "Use Nodes")
+    assert not scene.use_nodes and len(scene.node_tree.nodes) == before
+    scene.use_nodes = True
+    assert bpy.ops.hush.add_node() == {"CANCELLED"} and len(scene.node_tree.nodes) == before

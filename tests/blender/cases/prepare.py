@@ -155,6 +155,22 @@ def test_motion_blur_gets_a_layer_for_the_vectors() -> None:
     assert scene.hush.vector_layer == "Hush Vectors"
 
 
+def test_the_one_sample_is_heeded() -> None:
+    """Where Cycles ignores what view layers say; their own numbers do not come into force with it."""
+    scene = raw_scene(blur=True)
+    scene.cycles.use_layer_samples, scene.view_layers[0].samples = "IGNORE", 999
+    before = dump(scene)
+    bpy.ops.hush.prepare_shot()
+    assert scene.cycles.use_layer_samples == "USE" and scene.view_layers["Hush Vectors"].samples == 1
+    assert scene.view_layers[0].samples == 0, "the shot's own layer renders with other samples than before"
+    bpy.ops.hush.undo_prepare()
+    assert_same(dump(scene), before)
+    assert (scene.cycles.use_layer_samples, scene.view_layers[0].samples) == ("IGNORE", 999)
+    scene.cycles.use_layer_samples = "BOUNDED"
+    bpy.ops.hush.prepare_shot()
+    assert scene.cycles.use_layer_samples == "BOUNDED" and scene.view_layers[0].samples == 999
+
+
 def test_a_layer_that_has_the_vectors_already_is_taken() -> None:
     scene = kit.build_scene("blur")
     bpy.ops.hush.prepare_shot()

@@ -236,6 +236,43 @@ def test_a_missing_image_is_no_trouble() -> None:
     assert "Renamed" not in bpy.data.images and display.current() is None
 
 
+def test_undo_brings_back_what_the_editor_showed() -> None:
+    shot_scene("undone")
+    editor, here = image_editor()
+    mine = bpy.data.images.new("Mine", 8, 8)
+    mine.use_fake_user = True
+    editor.image = mine
+    bpy.ops.ed.undo_push(message="before")
+    bpy.ops.mesh.primitive_cube_add()
+    bpy.ops.ed.undo_push(message="a cube")
+    before = folders()
+    preview_in(here)
+    assert editor.image == bpy.data.images[NAME] and folders() != before
+    assert bpy.ops.ed.undo() == {"FINISHED"}
+    editor, _ = image_editor()
+    assert editor.image is not None and editor.image.name == "Mine", editor.image
+    assert NAME not in bpy.data.images and display.current() is None and folders() == before
+    assert bpy.ops.ed.redo() == {"FINISHED"}
+    assert NAME not in bpy.data.images
+
+
+def test_a_colour_configuration_without_the_name() -> None:
+    """As a studio's in Blender 4.2: the image is shown without a conversion, and one press leaves one image."""
+    shot_scene("studio")
+    _, here = image_editor()
+    compat = kit.module("compat")
+    real, compat.working_space = compat.working_space, lambda: "No Such Space"
+    try:
+        for _ in range(2):
+            preview_in(here)
+            assert [image.name for image in bpy.data.images].count(NAME) == 1 and display.image() is not None
+    finally:
+        compat.working_space = real
+    assert bpy.data.images[NAME].colorspace_settings.is_data
+    bpy.ops.hush.end_preview()
+    assert not [image for image in bpy.data.images if image.name.startswith(NAME)]
+
+
 def test_switching_the_extension_off_ends_it() -> None:
     global preview, display
     shot_scene("off")

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from types import MethodType, SimpleNamespace
+from types import SimpleNamespace
 
 import bpy
 import fingerprint
 import kit
+import windows
 
 TIME_LIMIT = 600.0
-compat, whole_shot, job = (kit.module(name) for name in ("compat", "denoising.whole_shot", "jobs.job"))
+compat, whole_shot, rendering, job = (kit.module(name) for name in ("compat", "denoising.whole_shot", "denoising.rendering", "jobs.job"))
 IMAGE = "ViewLayer.Combined"
 NAMES = [f"frame_{frame:04d}.exr" for frame in (1, 2, 3)]
 
@@ -107,46 +108,120 @@ def test_what_is_refused() -> None:
 def test_in_a_window() -> None:
     """Blender's render is run to its end at once; a real window could not be tried."""
     scene, folder = scene_of_three("window")
-    nothing, reports, shown = (lambda *_: None), [], []
-    manager = SimpleNamespace(progress_begin=nothing, progress_update=nothing, progress_end=nothing, event_timer_remove=nothing)
-    window = SimpleNamespace(window_manager=manager, workspace=SimpleNamespace(status_text_set=shown.append), scene=scene)
-    fake = SimpleNamespace(scene="", render_again=False, _timer=object(), _job=None, _render=None, _range=None)
-    names = (
-        "scene_of",
-        "_prepare",
-        "_render_next",
-        "_give_range_back",
-        "_next",
-        "_ended",
-        "_look_at_renders",
-        "_sum_up",
-        "_show",
-        "_hide",
-        "cancel",
-    )
-    for name in names:
-        setattr(fake, name, MethodType(getattr(whole_shot.HUSH_OT_whole_shot, name), fake))
-    fake.report = lambda level, text: reports.append((*level, text))
-    background = kit.module("jobs.background")
-
-    def modal(event: SimpleNamespace) -> set[str]:
-        if fake._job is None:
-            return whole_shot.HUSH_OT_whole_shot.modal(fake, window, event)
-        return background.JobOperator.modal(fake, window, event)
-
-    real, whole_shot._render_in_window = whole_shot._render_in_window, lambda arguments: bpy.ops.render.render(**arguments)
+    window = windows.Window()
+    fake = window.operator(whole_shot.HUSH_OT_whole_shot, render_again=False)
+    real, rendering._render_in_window = rendering._render_in_window, lambda arguments: bpy.ops.render.render(**arguments)
     try:
-        assert fake._prepare(window) == scene
-        fake.scene = scene.name
-        fake._render_next(scene)
+        with windows.foreground(whole_shot):
+            assert fake.invoke(window, None) == {"RUNNING_MODAL"}
         until = time.monotonic() + 120
-        while (result := modal(SimpleNamespace(type="TIMER", value="PRESS"))) in ({"PASS_THROUGH"}, {"RUNNING_MODAL"}):
+        while (result := fake.modal(window, SimpleNamespace(type="TIMER", value="PRESS"))) in ({"PASS_THROUGH"}, {"RUNNING_MODAL"}):
             assert time.monotonic() < until, "it does not end"
             time.sleep(0.01)
     finally:
-        whole_shot._render_in_window = real
-    assert result == {"FINISHED"} and "3 frames rendered, denoised and composited" in reports[-1][1], reports
+        rendering._render_in_window = real
+    assert result == {"FINISHED"} and "3 frames rendered, denoised and composited" in window.reports[-1][1], window.reports
     assert images(folder / "composited") == NAMES and job.current() is None
     assert (scene.frame_start, scene.frame_end) == (1, 3)
-    assert not any("whole_shot" in str(getattr(each, "__module__", "")) for each in bpy.app.handlers.render_complete)
-    assert any("Denoising" in str(text) for text in shown) and any("Compositing" in str(text) for text in shown), shown
+    assert not any("rendering" in str(getattr(each, "__module__", "")) for each in bpy.app.handlers.render_complete)
+    assert any("Denoising" in str(text) for text in window.shown) and any("Compositing" in str(text) for text in window.shown)
+
+
+def test_overwrite_and_placeholders_do_not_keep_old_frames() -> None:
+    scene, folder = scene_of_three("kept", node=False)
+    assert bpy.ops.hush.whole_shot() == {"FINISHED"}
+    render, before = scene.render, stamps(folder)
+    render.use_overwrite, render.use_placeholder = False, True
+    assert bpy.ops.hush.whole_shot(render_again=True) == {"FINISHED"}
+    assert all(stamps(folder)[name] != before[name] for name in NAMES), "old frames are told to be rendered"
+    render.resolution_percentage = 50
+    assert bpy.ops.hush.whole_shot() == {"FINISHED"}
+    assert kit.layer(folder / "denoised" / NAMES[0], IMAGE).shape[:2] == (27, 48)
+    assert (render.use_overwrite, render.use_placeholder) == (False, True), "they were not given back"
+
+
+def test_frames_that_were_not_written_again_are_told() -> None:
+    scene, folder = scene_of_three("unwritten", node=False)
+    assert bpy.ops.hush.whole_shot() == {"FINISHED"}
+    real = whole_shot.runs
+    whole_shot.runs = lambda frames, step: real(frames[1:], step)
+    try:
+        kit.refused(bpy.ops.hush.whole_shot, "Frame 1 is not rendered", render_again=True)
+    finally:
+        whole_shot.runs = real
+
+
+def test_a_refusal_changes_nothing() -> None:
+    """Neither where that is known before anything is prepared, nor where preparing brings it to light."""
+    scene, folder = scene_of_three("unchanged", node=False)
+    scene.render.use_motion_blur = True
+    assert bpy.ops.hush.prepare_shot() == {"FINISHED"}
+    scene.cycles.use_animated_seed = False
+    camera = scene.camera
+    scene.camera = None
+    untouched(scene, "camera")
+    scene.camera = camera
+    other = bpy.data.scenes.new("Other")
+    other.render.engine, other.camera, other.render.filepath = "CYCLES", camera, scene.render.filepath
+    compat.use_multilayer(other.render.image_settings)
+    # Blender 5.2 fills in what a new scene's view layer has when it is first asked for.
+    other.view_layers[0].update()
+    compat.use_image_format(scene.render.image_settings, "PNG")
+    untouched(scene, "same files")
+    for each in ("Hush Vectors", "ViewLayer"):
+        assert each in scene.view_layers
+    scene.hush.prepared = ""
+    scene.hush.vector_layer = ""
+    scene.view_layers.remove(scene.view_layers["Hush Vectors"])
+    untouched(scene, "same files")
+    assert len(scene.view_layers) == 1
+    assert kit.files(folder) == []
+
+
+def untouched(scene: bpy.types.Scene, *words: str) -> None:
+    before = fingerprint.take()
+    kit.refused(bpy.ops.hush.whole_shot, *words, scene=scene.name)
+    changed = [text for text in fingerprint.changes(before, fingerprint.take()) if not text.startswith("dirty")]
+    assert not changed, changed
+
+
+def test_preparing_is_a_step_of_its_own_in_undo() -> None:
+    scene, _ = scene_of_three("undo", node=False)
+    scene.frame_end = 1
+    bpy.ops.ed.undo_push(message="before")
+    bpy.context.scene.render.resolution_x = 80
+    bpy.ops.ed.undo_push(message="the artist's own")
+    assert bpy.ops.hush.whole_shot() == {"FINISHED"}
+    assert bpy.context.scene.hush.prepared
+    assert bpy.ops.ed.undo() == {"FINISHED"}
+    scene = bpy.context.scene
+    assert not scene.hush.prepared and scene.render.resolution_x == 80, (scene.hush.prepared, scene.render.resolution_x)
+
+
+def test_strips_that_are_seen_are_refused_before_rendering() -> None:
+    scene, folder = scene_of_three("strips", node=False)
+    editor = scene.sequence_editor_create()
+    strips = editor.strips if hasattr(editor, "strips") else editor.sequences
+    length = "length" if "length" in strips.bl_rna.functions["new_effect"].parameters else "frame_end"
+    strip = strips.new_effect(name="Colour", type="COLOR", channel=1, frame_start=1, **{length: 10})
+    kit.refused(bpy.ops.hush.whole_shot, "Sequencer")
+    assert kit.files(folder) == [] and scene.render.use_sequencer
+    strip.mute = True
+    scene.frame_end = 1
+    if bpy.app.version < (4, 5):
+        # There a muted strip is rendered in place of the scene, too.
+        kit.refused(bpy.ops.hush.whole_shot, "Sequencer")
+        strips.remove(strip)
+    assert bpy.ops.hush.whole_shot() == {"FINISHED"}
+
+
+def test_a_linked_scene_of_the_same_name_is_no_trouble() -> None:
+    scene, folder = scene_of_three("namesake")
+    scene.frame_end, scene.name = 1, "Shot"
+    library = kit.folder("namesake-library") / "library.blend"
+    bpy.data.libraries.write(str(library), {scene})
+    with bpy.data.libraries.load(str(library), link=True) as (_, into):
+        into.scenes = ["Shot"]
+    assert [each.name for each in bpy.data.scenes] == ["Shot", "Shot"]
+    assert bpy.ops.hush.whole_shot() == {"FINISHED"}
+    assert images(folder / "composited") == NAMES[:1]
