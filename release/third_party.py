@@ -43,7 +43,8 @@ def texts(folder: Path) -> list[str]:
 
 def document() -> str:
     """The whole file."""
-    packages = {(p["name"], p["version"]): p for p in json.loads(cargo("metadata", "--locked", "--features", "python", "--format-version", "1"))["packages"]}
+    metadata = json.loads(cargo("metadata", "--locked", "--features", "python", "--format-version", "1"))
+    packages = {(p["name"], p["version"]): p for p in metadata["packages"]}
     apache, others, silent = [], defaultdict(list), []
     for name, version in sorted(linked()):
         package = packages[name, version]

@@ -21,8 +21,8 @@ def main(argv: Sequence[str | os.PathLike[str]] | None = None) -> int:
         argv: The arguments without the program's name; None for those of the process.
 
     Returns:
-        The exit code: 0 all done, 1 nothing done, 2 partly done, 3 switched off by the shot's settings, 130 stopped by Ctrl-C or SIGTERM. The first of them lets the frame in
-        hand be finished, the second ends the process at once.
+        The exit code: 0 all done, 1 nothing done, 2 partly done, 3 switched off by the shot's settings, 130 stopped by Ctrl-C or
+        SIGTERM. The first of them lets the frame in hand be finished, the second ends the process at once.
     """
     arguments = sys.argv[1:] if argv is None else [os.fspath(argument) for argument in argv]
     for stream in (sys.stdout, sys.stderr):

@@ -2,9 +2,10 @@
 
     python -m training.benchmark.same_mean --cache runs/benchmark-5.2 --references runs/benchmark
 
-Of each shot and number of samples, over blocks of 16×16 pixels of each frame that has a reference: how far the block's mean is from the
-reference's, over the standard error that the differences inside the block give it. The root mean square is 1 where noise is all there is; the
-references' own Blender is the control (the same command with --cache runs/benchmark). A change of the light anywhere shows as blocks far above.
+Of each shot and number of samples, over blocks of 16×16 pixels of each frame that has a reference: how far the block's mean is from
+the reference's, over the standard error that the differences inside the block give it. The root mean square is 1 where noise is all
+there is; the references' own Blender is the control (the same command with --cache runs/benchmark). A change of the light anywhere
+shows as blocks far above.
 """
 
 from __future__ import annotations
