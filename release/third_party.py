@@ -18,8 +18,10 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 TARGET = ROOT / "THIRD-PARTY.txt"
 FONT = ROOT / "assets" / "DejaVuSans-LICENSE.txt"
-HEAD = """The program and the wheel of Hush hold code of these crates, and a part of the font DejaVu Sans. Written by release/third_party.py.
-"""
+HEAD = (
+    "The program and the wheel of Hush hold code of these crates, and a part of the font DejaVu Sans. Written by\n"
+    "release/third_party.py.\n\n"
+)
 
 
 def cargo(*arguments: str) -> str:
