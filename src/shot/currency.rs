@@ -11,7 +11,7 @@ use super::file_state::FileMemory;
 use super::frame_settings::{Change, FrameSettings};
 use super::job::Job;
 use super::manifest::{Entry, Manifest, NeighbourEntry};
-use super::prepare::Sources;
+use super::sources::Sources;
 use crate::io::sequence::Sequence;
 use crate::rules::window::{Availability, Unused, neighbours};
 

@@ -10,6 +10,7 @@
 //! # Ok::<(), hush::Error>(())
 //! ```
 
+mod actions;
 mod bookkeeping;
 mod cancel;
 mod check;
@@ -29,6 +30,7 @@ mod prepare;
 mod progress;
 mod run;
 mod scope;
+mod sources;
 mod survey;
 mod threads;
 mod window_cache;

@@ -5,22 +5,21 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
-use super::currency::{Wanted, is_of_another_shot, same_input, why_stale};
-use super::dial::FrameDial;
+use super::actions::plan_frames;
 use super::events::Status;
 use super::file_state::{FileMemory, FileState};
 use super::frame_settings::FrameSettings;
-use super::input_file::InputFile;
 use super::job::Job;
 use super::ledger::Ledger;
-use super::manifest::{DAMAGED, Entry, MANIFEST, Manifest, NeighbourEntry};
-use super::output::{check_output, output_path};
+use super::manifest::{DAMAGED, Entry, Manifest, NeighbourEntry};
+use super::output::check_output;
+use super::sources::{Sources, open_sources};
 use crate::engine::Identity;
 use crate::error::{Error, Result};
 use crate::rules::checks::{self, Header, Warning, WarningKind};
 use crate::rules::frames::FrameSet;
-use crate::rules::window::{Availability, Unused, WindowFrame, neighbours};
-use crate::words::{self, counted};
+use crate::rules::window::{Unused, WindowFrame};
+use crate::words;
 
 /// What is to be done with a frame.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -75,35 +74,6 @@ pub struct Plan {
     /// What the manifest says about the frames, by number.
     #[serde(skip)]
     pub(super) before: BTreeMap<i64, Entry>,
-}
-
-/// The files of the range and around it, by frame number.
-pub(super) struct Sources {
-    /// The first and the last frame of the shot.
-    ends: Option<(i64, i64)>,
-    pub good: BTreeMap<i64, InputFile>,
-    pub bad: BTreeMap<i64, Error>,
-    /// The files as they are when the run starts, without their content.
-    pub stamps: BTreeMap<i64, Option<FileState>>,
-}
-
-impl Sources {
-    /// A file as it was when the run started.
-    pub fn stamp(&self, number: i64) -> Option<FileState> {
-        self.stamps.get(&number).copied().flatten()
-    }
-
-    /// What is known of a frame from its header.
-    pub fn known(&self, number: i64) -> Availability {
-        if self.ends.is_none_or(|(first, last)| number < first || number > last) {
-            return Availability::Outside;
-        }
-        match self.good.get(&number) {
-            Some(source) => source.known(),
-            None if self.bad.contains_key(&number) => Availability::Bad,
-            None => Availability::Missing,
-        }
-    }
 }
 
 impl Plan {
@@ -221,21 +191,6 @@ fn used_numbers<S: serde::Serializer>(window: &[WindowFrame], to: S) -> Result<S
     to.collect_seq(window.iter().filter(|n| n.unused.is_none()).map(|n| n.number))
 }
 
-/// Opens the files that `near` picks.
-pub(super) fn open_sources(job: &Job, numbers: &[i64], near: impl Fn(i64) -> bool, files: &mut FileMemory) -> Sources {
-    let ends = job.whole.map(|w| (w.first, w.last)).or(numbers.first().copied().zip(numbers.last().copied()));
-    let mut sources = Sources { ends, good: BTreeMap::new(), bad: BTreeMap::new(), stamps: BTreeMap::new() };
-    let selection = job.selection();
-    for frame in job.sequence.frames.iter().filter(|f| near(f.number)) {
-        sources.stamps.insert(frame.number, FileState::of(&frame.path));
-        match files.layout(&frame.path).and_then(|layout| InputFile::new(frame.number, layout, &selection)) {
-            Ok(source) => _ = sources.good.insert(frame.number, source),
-            Err(error) => _ = sources.bad.insert(frame.number, error),
-        }
-    }
-    sources
-}
-
 /// The window: what was asked for, which then needs vectors; else what the vectors allow.
 pub(super) fn resolve_window(job: &Job, sources: &Sources, headers: &[Header], reach: usize) -> Result<usize> {
     let without = headers.iter().find(|h| !h.vector);
@@ -273,120 +228,6 @@ fn header_warnings(job: &Job, headers: &[Header], gaps: &[(i64, i64)]) -> Result
         warnings.push(Warning::new(WarningKind::Ignored, message));
     }
     Ok(warnings)
-}
-
-fn plan_frames(
-    job: &Job,
-    targets: &[i64],
-    settings: &FrameSettings,
-    sources: &Sources,
-    manifest: &Manifest,
-    files: &mut FileMemory,
-) -> Result<Vec<PlannedFrame>> {
-    let mut frames = Vec::with_capacity(targets.len());
-    let mut foreign: Vec<PathBuf> = Vec::new();
-    let mut others: Vec<(PathBuf, PathBuf)> = Vec::new();
-    let mut worse: Vec<(i64, String)> = Vec::new();
-    for &number in targets {
-        let Some(source) = job.sequence.path(number) else { continue };
-        let output = output_path(job, source);
-        let FrameDial { lambda, lambda_masked, lambda_image } = FrameDial::of(job, number);
-        let settings = &FrameSettings { lambda, lambda_masked, ..settings.clone() };
-        let window = neighbours(number, settings.context(), |n| sources.known(n));
-        let entry = manifest.entry(&output);
-        let no_image = lambda_image.as_ref().and_then(|image| std::fs::metadata(image).map_err(|e| Error::io(image, e)).err());
-        let no_image = match no_image {
-            Some(error) if job.strict => return Err(error),
-            other => other.map(|error| error.to_string()),
-        };
-        let action = match sources.bad.get(&number) {
-            Some(error) => Action::Fail(error.to_string()),
-            None => match entry {
-                _ if let Some(reason) = no_image => Action::Fail(reason),
-                _ if job.overwrite || !output.exists() => Action::Denoise(None),
-                Some(entry) if is_of_another_shot(entry, source, files) => {
-                    others.push((output.clone(), entry.source.clone()));
-                    Action::Denoise(None)
-                }
-                Some(entry) => {
-                    let image = lambda_image.as_deref();
-                    let wanted = Wanted { job, settings, sources, lambda_image: image };
-                    match why_stale(entry, &output, &wanted, manifest, files) {
-                        None => Action::Skip,
-                        Some(stale) => {
-                            let vectors = sources.good.get(&number).and_then(InputFile::vector_layer);
-                            let loss = why_worse(job, entry, manifest, vectors, &window);
-                            worse.extend(loss.filter(|_| same_input(entry, &job.sequence, files)).map(|why| (number, why)));
-                            Action::Denoise(Some(stale.reason))
-                        }
-                    }
-                }
-                None => {
-                    foreign.push(output.clone());
-                    Action::Denoise(None)
-                }
-            },
-        };
-        let source = source.into();
-        frames.push(PlannedFrame {
-            frame: number,
-            source,
-            output,
-            lambda,
-            lambda_masked,
-            lambda_image,
-            action,
-            neighbours: window,
-        });
-    }
-    if let Some(first) = foreign.first() {
-        let reason = format!(
-            "is there already, and {MANIFEST} does not say that Hush wrote it ({}): choose another output folder or set overwrite to \
-             true to replace what is there",
-            counted(foreign.len(), "such file")
-        );
-        return Err(Error::io(first, std::io::Error::new(std::io::ErrorKind::AlreadyExists, reason)));
-    }
-    if let Some((first, source)) = others.first() {
-        let reason = format!(
-            "was made from {}, which is another frame and still there ({}): choose another output folder or set overwrite to true to \
-             replace what is there",
-            source.display(),
-            counted(others.len(), "such file")
-        );
-        return Err(Error::BadInput { input: first.display().to_string(), reason });
-    }
-    if let Some((_, why)) = worse.first() {
-        let numbers: Vec<i64> = worse.iter().map(|(n, _)| *n).collect();
-        return Err(Error::BadInput {
-            input: job.output.display().to_string(),
-            reason: format!("holds {} better than this run would make them of the same files: {why}", words::frames(&numbers)),
-        });
-    }
-    Ok(frames)
-}
-
-/// Why a frame that is there is better than the one that would take its place; only what was not asked for counts.
-fn why_worse(job: &Job, entry: &Entry, manifest: &Manifest, vectors: Option<&str>, window: &[WindowFrame]) -> Option<String> {
-    if job.settings.window.is_some() || !job.vectors() || !matches!(entry.status, Status::Denoised | Status::Skipped) {
-        return None;
-    }
-    let old = manifest.settings.get(&entry.settings)?;
-    if !entry.neighbours.iter().any(|n| n.used) {
-        return None;
-    }
-    let lost = old.vector_layer().filter(|layer| job.settings.vector_layer.is_none() && Some(*layer) != vectors);
-    if let Some(layer) = lost {
-        return Some(format!(
-            "they have the motion vectors of view layer {layer}, which is not named any more: set vector layer to '{layer}', or set \
-             overwrite to true"
-        ));
-    }
-    let alone = !window.iter().any(|n| n.unused.is_none());
-    alone.then(|| {
-        "the frames beside them helped, and now there are no motion vectors for that: set window to 0, or set overwrite to true"
-            .into()
-    })
 }
 
 /// Frames that are made again, by reason.

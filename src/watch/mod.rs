@@ -10,7 +10,9 @@ mod events;
 mod folder;
 mod folder_events;
 mod host;
+mod landing;
 mod ready;
+mod ready_rules;
 #[cfg(test)]
 mod ready_tests;
 mod shots;

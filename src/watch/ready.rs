@@ -5,108 +5,16 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
-use crate::rules::frames::FrameSet;
+use super::landing::{AGAIN, AGAIN_FOR, FileCheck, FrameState, Landing, Made};
+use super::ready_rules::ReadyRules;
 use crate::rules::window::DEFAULT_WINDOW;
 use crate::shot::Stamp;
 
 /// Without `--settle`: at least this long, and three times the usual time between two frames, but no longer than `MOST`.
 const LEAST: Duration = Duration::from_secs(30);
 const MOST: Duration = Duration::from_secs(3600);
-/// A file that was not whole is looked at again this often, for a minute after its last change.
-const AGAIN: Duration = Duration::from_secs(5);
-const AGAIN_FOR: Duration = Duration::from_secs(60);
 /// Gaps between frames that the usual one is taken from.
 const GAPS: usize = 9;
-
-/// What decides whether a frame is ready.
-#[derive(Clone, Debug, Default)]
-pub(super) struct ReadyRules {
-    /// Frames on each side that help; None: as many as by default where there are motion vectors.
-    pub window: Option<usize>,
-    /// Motion vectors may be used.
-    pub vectors: bool,
-    /// A frame depends on twice the window.
-    pub second_pass: bool,
-    /// The frames that the shot will have.
-    pub frames: Option<FrameSet>,
-    /// How long no frame must have come before missing neighbours are given up.
-    pub settle: Option<Duration>,
-    /// Frames are made again when a neighbour comes that they lacked.
-    pub redo: bool,
-    /// How long a file must not have changed where nobody said that it was closed.
-    pub quiet: Duration,
-    /// Take what is there and wait for nothing.
-    pub once: bool,
-}
-
-impl ReadyRules {
-    /// Whether a frame is to be written; others only help.
-    pub fn wants(&self, number: i64) -> bool {
-        self.frames.as_ref().is_none_or(|set| set.contains(number))
-    }
-}
-
-/// How a frame was made, to tell whether it is to be made again.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Made {
-    /// The input as it was.
-    pub stamp: Option<Stamp>,
-    /// The files beside it as they were, by offset; those that were there.
-    pub around: Box<[(i32, Stamp)]>,
-    /// Frames on each side that could help.
-    pub window: usize,
-    /// It was tried in vain.
-    pub failed: bool,
-}
-
-/// What a look into a file found.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum FileCheck {
-    /// Header, chunk table and chunks are there.
-    Whole { vector: bool },
-    /// Something is missing.
-    Partial(String),
-    /// It could not be read just now.
-    Unreadable(String),
-}
-
-#[derive(Clone, Debug, PartialEq, Eq)]
-enum Landing {
-    Unchecked { closed: bool },
-    Whole { vector: bool },
-    Partial { reason: String, again: Option<Duration> },
-    Gone,
-}
-
-impl Landing {
-    /// The system refused to read it; the reason follows `it`.
-    fn unreadable(reason: &str, now: Duration) -> Self {
-        Self::Partial { reason: format!("could not be read: {reason}"), again: Some(now + AGAIN) }
-    }
-}
-
-#[derive(Clone, Debug)]
-struct FrameState {
-    stamp: Stamp,
-    /// When the stamp was first seen.
-    since: Duration,
-    landing: Landing,
-    /// It has been whole before.
-    landed: bool,
-    made: Option<Made>,
-    held: Duration,
-    /// A run could not read it, though nothing was missing.
-    unread: bool,
-}
-
-impl FrameState {
-    /// Whatever kept a run from reading it is over.
-    fn is_readable_again(&mut self) {
-        if std::mem::take(&mut self.unread) {
-            self.made.take_if(|made| made.failed);
-        }
-    }
-}
 
 /// The frames of one shot.
 #[derive(Debug, Default)]
@@ -148,7 +56,7 @@ impl Frames {
         let look_again = closed && matches!(state.landing, Landing::Unchecked { .. } | Landing::Partial { .. });
         if changed {
             (state.stamp, state.since) = (stamp, now);
-            state.is_readable_again();
+            state.becomes_readable();
         }
         if changed || look_again {
             state.landing = Landing::Unchecked { closed };
@@ -198,7 +106,7 @@ impl Frames {
             FileCheck::Whole { vector } => {
                 state.landing = Landing::Whole { vector };
                 state.landed = true;
-                state.is_readable_again();
+                state.becomes_readable();
                 self.open.remove(&number);
                 self.vector |= vector;
                 self.last_news = now;

@@ -1,6 +1,8 @@
 use std::time::Duration;
 
-use super::ready::{FileCheck, FrameCounts, Frames, Made, ReadyRules};
+use super::landing::{FileCheck, Made};
+use super::ready::{FrameCounts, Frames};
+use super::ready_rules::ReadyRules;
 use crate::shot::Stamp;
 
 const NONE: [i64; 0] = [];

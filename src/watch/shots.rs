@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use super::WatchOptions;
-use super::ready::{FileCheck, Frames, Made, ReadyRules};
+use super::landing::{FileCheck, Made};
+use super::ready::Frames;
+use super::ready_rules::ReadyRules;
 use super::tree::{FrameFile, ShotKey, Tree};
 use crate::engine::Identity;
 use crate::error::{Error, Result};
