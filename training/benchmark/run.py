@@ -3,7 +3,7 @@
     python -m training.benchmark.run --cache runs/benchmark --hush target/release/hush --update training/RESULTS.md
     python -m training.benchmark.run --cache runs/benchmark --hush target/release/hush --lambdas 1,2,4,8,16,32,64
     python -m training.benchmark.run --cache runs/benchmark --hush target/release/hush --equal-error --shots interior
-    python -m training.benchmark.run --cache runs/benchmark-5.2 --references runs/benchmark --section benchmark-5.2 --hush …
+    python -m training.benchmark.run --cache runs/benchmark-5.2 --references runs/benchmark --section benchmark-5.2 --ratios-only …
 
 The cache comes from training.benchmark.render; frames without a reference are denoised, for their neighbours' sake, but not scored.
 OIDN's frames are kept in the cache, by its version; Hush's are made anew. Tables go to standard output and, with the numbers, to --out;
@@ -139,6 +139,7 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--lambdas", type=lambdas, help="curves over these values, window ±2, instead of the tables")
     parser.add_argument("--equal-error", action="store_true", help="the samples that OIDN needs for Hush's error, instead of the tables")
+    parser.add_argument("--ratios-only", action="store_true", help="the shares of OIDN's errors alone")
     parser.add_argument("--update", type=Path, help="document to write the tables into, such as training/RESULTS.md")
     parser.add_argument("--section", help="of the document (benchmark, lambda, equal-error)")
     parser.add_argument("--figure", type=Path, help="SVG for the curves (OUT/lambda.svg, OUT/equal-error.svg)")
@@ -156,14 +157,17 @@ def main() -> None:
         (chosen.figure or out / "lambda.svg").write_text(lambda_curves.figure(curves), encoding="utf-8")
         name, rows = "lambda", [vars(point) for point in curves]
     else:
-        methods = (tables.PEER, equal_error.METHOD) if chosen.equal_error else tuple(tables.METHODS)
+        shown = tables.IN_RATIOS if chosen.ratios_only else tuple(tables.METHODS)
+        methods = (tables.PEER, equal_error.METHOD) if chosen.equal_error else shown
         with oidn.device(chosen.threads) as device:
             results = {(take.shot, take.spp): measure(take, hush, device, out, methods) for take in measured}
         if chosen.equal_error:
             parts = (about(measured, chosen.shots), equal_error.report(results))
             (chosen.figure or out / "equal-error.svg").write_text(equal_error.figure(results), encoding="utf-8")
         else:
-            parts = (about(measured, chosen.shots), tables.report(results, FIRST_SHOTS), reference_noise(measured, hush))
+            found = tables.report(results, FIRST_SHOTS, chosen.ratios_only)
+            noise = "" if chosen.ratios_only else reference_noise(measured, hush)
+            parts = (about(measured, chosen.shots), found, noise)
         text = "\n\n".join(part for part in parts if part)
         name = "equal-error" if chosen.equal_error else "benchmark"
         rows = [{"shot": shot, "spp": spp, **scores} for (shot, spp), scores in results.items()]

@@ -25,6 +25,8 @@ METHODS = {
     "window3": "Hush, window ±3",
 }
 PEER = "oidn_clean_aux"
+# What the targets are about.
+IN_RATIOS = (PEER, "window0", "window2")
 OVER = "over OIDN as Cycles runs it"
 # By metric, frame by frame; None where a frame has none. Of unbiased flicker the squares, which may be below 0.
 Scores = Mapping[str, Sequence[float | None]]
@@ -195,13 +197,15 @@ def replaced(document: str, name: str, text: str) -> str:
     return f"{before}{start}\n{text}\n{end}{after}"
 
 
-def report(results: Results, first_shots: Sequence[str]) -> str:
-    """Every table; those of the first shots by themselves where there are others."""
+def report(results: Results, first_shots: Sequence[str], ratios_only: bool = False) -> str:
+    """Every table; those of the first shots by themselves where there are others. `ratios_only`: those of the peer's shares."""
     shots = list(dict.fromkeys(shot for shot, _ in results))
     spp = sorted({n for _, n in results})
     first = [shot for shot in first_shots if shot in shots]
     groups = [shots] + ([first] if first and len(first) < len(shots) else [])
     parts = [target_table(results, group, spp) for group in groups] + [shot_ratio_table(results, shots, spp)]
+    if ratios_only:
+        return "\n\n".join(parts)
     for group in groups:
         parts += [score_table(results, group, [n]) for n in spp]
         if len(spp) > 1:
