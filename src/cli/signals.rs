@@ -6,40 +6,39 @@ use super::{Exit, Handler, say};
 use crate::error::{Error, Result};
 use crate::shot::{CancelToken, remove_unfinished};
 
-/// Has a handler called at the signals that end a process, but for those that the process was started to ignore, as by `nohup`.
+/// Has a handler called at the signals that end a process; a hang-up that the process was started to ignore, as by `nohup`, stays ignored.
 pub(super) fn catch(handler: Handler) -> Result<()> {
-    let ignored = ignored();
+    let hang_up = ignores_hang_up();
     let bad = |e: ctrlc::Error| Error::BadInput { input: "signal handler".into(), reason: e.to_string() };
     ctrlc::set_handler(handler).map_err(bad)?;
-    ignored.into_iter().for_each(|signal| _ = ignore(signal));
+    if hang_up {
+        ignore_hang_up();
+    }
     Ok(())
 }
 
-/// The signals that are ignored.
 #[cfg(unix)]
-fn ignored() -> Vec<i32> {
-    let is_ignored = |signal: &i32| {
-        let before = ignore(*signal);
-        // SAFETY: it is what it was before.
-        (before != libc::SIG_IGN).then(|| unsafe { libc::signal(*signal, before) }).is_none()
-    };
-    [libc::SIGHUP, libc::SIGINT, libc::SIGTERM].into_iter().filter(is_ignored).collect()
+fn ignores_hang_up() -> bool {
+    let before = ignore_hang_up();
+    // SAFETY: it is what it was before.
+    unsafe { libc::signal(libc::SIGHUP, before) };
+    before == libc::SIG_IGN
 }
 
-/// Ignores a signal; returns what it did before.
+/// Ignores it; returns what was done at it before.
 #[cfg(unix)]
-fn ignore(signal: i32) -> libc::sighandler_t {
+fn ignore_hang_up() -> libc::sighandler_t {
     // SAFETY: no code of ours runs at the signal.
-    unsafe { libc::signal(signal, libc::SIG_IGN) }
+    unsafe { libc::signal(libc::SIGHUP, libc::SIG_IGN) }
 }
 
 #[cfg(not(unix))]
-fn ignored() -> Vec<i32> {
-    Vec::new()
+fn ignores_hang_up() -> bool {
+    false
 }
 
 #[cfg(not(unix))]
-fn ignore(_: i32) {}
+fn ignore_hang_up() {}
 
 /// The first signal lets the frame in hand be finished, the second ends the process at once.
 pub(super) fn stop_handler(cancel: &CancelToken, output: Option<&Path>) -> Handler {
