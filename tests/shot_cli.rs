@@ -299,6 +299,7 @@ fn a_hang_up_that_is_to_be_ignored_is() {
         signal(&child, sent);
         drop(lines.last());
         assert_eq!(child.wait().unwrap().code(), Some(130), "{ignored} is ignored, {sent} is sent");
+        std::fs::remove_dir_all(shot.out()).unwrap();
     }
 }
 
