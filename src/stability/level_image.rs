@@ -1,5 +1,7 @@
 //! A frame's pixels as the float64 reference sees them, made from the passes alone: sanitised, demodulated, reprojected.
 
+use ndarray::Array2;
+
 use crate::Frame;
 use crate::frame::packed::ALIGNMENT;
 
@@ -61,11 +63,22 @@ impl LevelImage {
         let alpha = usize::from(frame.alpha.is_some());
         let channels = 3 + alpha + 3 * frame.aovs.len();
         let mut out = Self::empty(rows, columns, channels);
-        let number = |v: f32| if v.is_finite() { f64::from(v) } else { 0.0 };
+        // What is not finite in alpha or a light pass is the mean of what is in the 5×5 pixels around it.
+        let value = |pixel: &dyn Fn(usize, usize) -> f32, y: usize, x: usize| {
+            let near = |at: usize, most: usize| at.saturating_sub(2)..(at + 3).min(most);
+            let around = near(y, own_rows).flat_map(|y| near(x, own_columns).map(move |x| (y, x)));
+            let found: Vec<f64> = around.map(|(y, x)| pixel(y, x)).filter(|v| v.is_finite()).map(f64::from).collect();
+            match f64::from(pixel(y, x)) {
+                own if own.is_finite() => own,
+                _ if found.is_empty() => 0.0,
+                _ => f64::from((found.iter().sum::<f64>() / found.len() as f64) as f32),
+            }
+        };
         for y in 0..rows {
             for x in 0..columns {
                 let (iy, ix) = (y.min(own_rows - 1), x.min(own_columns - 1));
-                let finite = (0..3).all(|c| frame.colour[[iy, ix, c]].is_finite());
+                let alpha = frame.alpha.as_ref().map(|a| a[[iy, ix]]);
+                let finite = (0..3).all(|c| frame.colour[[iy, ix, c]].is_finite()) && alpha.is_none_or(f32::is_finite);
                 let bounded = |v: f32| if v.is_nan() { 0.0 } else { f64::from(v).clamp(0.0, 1.0) };
                 let modulation: [f64; 3] =
                     std::array::from_fn(|c| frame.albedo.as_ref().map_or(1.0, |a| bounded(a[[iy, ix, c]]) + epsilon));
@@ -73,9 +86,10 @@ impl LevelImage {
                     let v = if finite { f64::from(frame.colour[[iy, ix, c]]).clamp(0.0, MAX_RADIANCE) } else { 0.0 };
                     out.cells.push(BoundedValue::of(v / m));
                 }
-                out.cells.extend(frame.alpha.iter().map(|a| BoundedValue::of(number(a[[iy, ix]]).clamp(0.0, 1.0))));
+                let seen = |a: &Array2<f32>| value(&|y, x| a[[y, x]], iy, ix).clamp(0.0, 1.0);
+                out.cells.extend(frame.alpha.iter().map(|a| BoundedValue::of(seen(a))));
                 for aov in &frame.aovs {
-                    let at = |c: usize| number(aov.image[[iy, ix, c]]).clamp(-MAX_RADIANCE, MAX_RADIANCE);
+                    let at = |c: usize| value(&|y, x| aov.image[[y, x, c]], iy, ix).clamp(-MAX_RADIANCE, MAX_RADIANCE);
                     out.cells.extend((0..3).map(|c| BoundedValue::of(at(c) / modulation[c])));
                 }
                 out.mask.push(finite && y < own_rows && x < own_columns);
