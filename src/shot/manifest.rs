@@ -119,12 +119,17 @@ impl Manifest {
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Self::default()),
             Err(e) => return Err(Error::io(path, e)),
         };
-        // A later version may have another form altogether.
-        if serde_json::from_slice::<Version>(&text).is_ok_and(|found| found.version > MANIFEST_VERSION) {
+        let read = serde_json::from_slice::<Self>(&text);
+        // A later version may have another form altogether; only a file that is not understood is looked at twice.
+        let version = match &read {
+            Ok(manifest) => manifest.version,
+            Err(_) => serde_json::from_slice::<Version>(&text).map_or(0, |found| found.version),
+        };
+        if version > MANIFEST_VERSION {
             let reason = "was written by a later version of Hush: use that version, or choose another output folder";
             return Err(Error::BadInput { input: path.display().to_string(), reason: reason.into() });
         }
-        serde_json::from_slice(&text).map_err(|e| Error::bad_file(&path, format!("damaged manifest: {e}")))
+        read.map_err(|e| Error::bad_file(&path, format!("damaged manifest: {e}")))
     }
 
     /// Adds the settings and returns their key.
