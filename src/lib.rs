@@ -21,7 +21,7 @@
 //!
 //! 1. [`Frame`] is what a renderer makes: a beauty, and what it knows of it. All else is about frames.
 //! 2. [`Engine`] denoises frames in memory: [`encode`](Engine::encode) each once, then [`denoise`](Engine::denoise) it with those
-//!    around it. Its [`Settings`] say how, such as with how much memory.
+//!    around it. Its [`Settings`] say how, such as with how much memory. A [`Denoiser`] does both for frames as they come.
 //! 3. [`io`] reads frames from multilayer EXR files and writes them back with only the denoised passes changed;
 //!    [`io::sequence`] finds the files of a shot.
 //! 4. [`shot`] does both for all files of a shot: a [`Job`](shot::Job) says what is to be done, [`run`](shot::run()) does it and
@@ -61,9 +61,9 @@ mod tiles;
 pub mod watch;
 mod words;
 
-pub use engine::{Denoised, EncodedFrame, Engine, FirstPass, Settings};
+pub use engine::{Denoised, Denoiser, EncodedFrame, Engine, FirstPass, Settings};
 pub use error::{Error, Result};
-pub use frame::{Aov, Dial, Frame, FrameView, LambdaMap, LambdaMask};
+pub use frame::{Aov, Dial, Frame, FrameView, LambdaMap, LambdaMask, OwnedDial};
 
 /// What only this project's own tests and benches use; it may change at any time.
 #[cfg(feature = "internals")]

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use clap::error::ErrorKind;
 use clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches};
 
+use crate::report::FRAMES;
 use crate::settings::{Kind, NOT_OF_A_PREVIEW, SETTINGS, Setting, ShotQuery, ShotSettings, StageRef};
 
 /// What says how frames are denoised and written, where none is.
@@ -16,6 +17,11 @@ const NOT_OF_A_SURVEY: [&str; 8] =
 pub(super) trait Offered {
     /// By name, in lists.
     const WITHOUT: &'static [&'static [&'static str]];
+
+    /// What the help says of a setting's default.
+    fn default(setting: &Setting) -> String {
+        setting.default.into()
+    }
 }
 
 /// Of `hush denoise`, `hush check` and `hush watch`.
@@ -40,6 +46,13 @@ impl Offered for OfSurveys {
 }
 impl Offered for OfReports {
     const WITHOUT: &'static [&'static [&'static str]] = &[&NOT_OF_A_SURVEY, &["window", "aovs", "skip"]];
+
+    fn default(setting: &Setting) -> String {
+        match setting.name {
+            "frames" => format!("at most {FRAMES} in the middle of the shot"),
+            _ => setting.default.into(),
+        }
+    }
 }
 impl Offered for OfLayers {
     const WITHOUT: &'static [&'static [&'static str]] = &[&["output"]];
@@ -61,7 +74,7 @@ impl<L: Offered> SettingArgs<L> {
 
 impl<L: Offered> Args for SettingArgs<L> {
     fn augment_args(command: Command) -> Command {
-        Self::offered().fold(command, |command, (setting, option)| command.arg(argument(setting, option)))
+        Self::offered().fold(command, |command, (setting, option)| command.arg(argument(setting, option, &L::default(setting))))
     }
 
     fn augment_args_for_update(command: Command) -> Command {
@@ -89,11 +102,11 @@ impl<L: Offered> FromArgMatches for SettingArgs<L> {
 }
 
 /// The option of a setting.
-fn argument(setting: &'static Setting, option: &'static str) -> Arg {
+fn argument(setting: &'static Setting, option: &'static str, default: &str) -> Arg {
     let kind = setting.kind;
     let several = matches!(kind, Kind::Names);
     let more = if several { "; may be given several times" } else { "" };
-    let help = format!("{}{more} [default: {}]", setting.help(), setting.default);
+    let help = format!("{}{more} [default: {default}]", setting.help());
     let arg = Arg::new(setting.name).long(option).help(help).allow_hyphen_values(matches!(kind, Kind::Lambda | Kind::Frames));
     let arg = arg.value_parser(move |word: &str| kind.of_words(&[word.to_owned()]).map(|_| word.to_owned()));
     let arg = setting.short.map_or(arg.clone(), |short| arg.short(short));

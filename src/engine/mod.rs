@@ -4,6 +4,7 @@ use std::sync::OnceLock;
 
 use clock::Clock;
 pub use clock::{STAGES, Stage};
+pub use denoiser::Denoiser;
 pub use first_pass::FirstPass;
 pub use identity::{Identity, ModelId};
 use paths::Path;
@@ -318,6 +319,7 @@ fn checked<'d>(dial: Dial<'d>, centre: &EncodedFrame) -> Result<Dial<'d>> {
 }
 
 mod clock;
+mod denoiser;
 mod encode;
 mod first_pass;
 #[cfg(test)]

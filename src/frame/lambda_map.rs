@@ -2,7 +2,7 @@
 
 use ndarray::{Array2, ArrayView2};
 
-use super::packed::ALIGNMENT;
+use super::pixels::ALIGNMENT;
 use crate::error::{Error, Result};
 use crate::rules::window::LAMBDA_RANGE;
 use crate::words::counted;
@@ -34,6 +34,37 @@ impl From<f32> for Dial<'static> {
 
 impl<'a> From<&'a LambdaMap> for Dial<'a> {
     fn from(map: &'a LambdaMap) -> Self {
+        Self::Map(map)
+    }
+}
+
+/// λ of a frame that waits for its turn.
+#[derive(Clone, Debug)]
+pub enum OwnedDial {
+    /// As [`Dial::Constant`].
+    Constant(f32),
+    /// As [`Dial::Map`].
+    Map(LambdaMap),
+}
+
+impl OwnedDial {
+    /// As the engine takes it.
+    pub fn borrowed(&self) -> Dial<'_> {
+        match self {
+            Self::Constant(lambda) => Dial::Constant(*lambda),
+            Self::Map(map) => Dial::Map(map),
+        }
+    }
+}
+
+impl From<f32> for OwnedDial {
+    fn from(lambda: f32) -> Self {
+        Self::Constant(lambda)
+    }
+}
+
+impl From<LambdaMap> for OwnedDial {
+    fn from(map: LambdaMap) -> Self {
         Self::Map(map)
     }
 }

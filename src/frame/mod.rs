@@ -12,7 +12,7 @@ use std::ops::Range;
 use ndarray::{Array2, Array3, ArrayView2, ArrayView3, s};
 
 use crate::error::{Error, Result};
-pub use lambda_map::{Dial, LambdaMap, LambdaMask};
+pub use lambda_map::{Dial, LambdaMap, LambdaMask, OwnedDial};
 
 /// An additive light pass (a contribution to the beauty) that is denoised with the beauty's kernels.
 #[derive(Clone, Debug)]

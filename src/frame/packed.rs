@@ -10,13 +10,10 @@ use rayon::prelude::*;
 use super::FrameView;
 use super::exposure::exposure;
 use super::lambda_map::LambdaMask;
-use super::pixels::Pixels;
+use super::pixels::{ALIGNMENT, Pixels};
 use super::sanitise::{MAX_RADIANCE, bounded, front, radiance};
 use crate::error::Result;
 use crate::memory::BufferPool;
-
-/// Frames are padded to a multiple of this in both directions: three 2×2 down-samplings.
-pub const ALIGNMENT: usize = 8;
 
 /// Lane of the first demodulated colour channel.
 pub const COLOUR: usize = 0;
@@ -118,8 +115,14 @@ impl PackedFrame {
                 let y = y.min(rows - 1);
                 for (x, lanes) in row.iter_mut().enumerate() {
                     let x = x.min(columns - 1);
-                    let value = finite_at(image.0, y, x).clamp(-MAX_RADIANCE, MAX_RADIANCE);
-                    lanes[lane] = image.1.map_or(value.clamp(0.0, 1.0), |c| value / base[y * padded_columns + x][MODULATION + c]);
+                    lanes[lane] = match image.1 {
+                        // A pixel whose alpha is not finite is not used.
+                        None => bounded(image.0[[y, x]], 0.0),
+                        Some(c) => {
+                            let value = finite_at(image.0, y, x).clamp(-MAX_RADIANCE, MAX_RADIANCE);
+                            value / base[y * padded_columns + x][MODULATION + c]
+                        }
+                    };
                 }
             });
         }

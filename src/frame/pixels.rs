@@ -1,8 +1,11 @@
-//! Interleaved pixels in memory that is kept for the next frame.
+//! Interleaved pixels in memory that is kept for the next frame, and how frames are padded.
 
 use std::ops::{Deref, DerefMut};
 
 use crate::memory::{Buffer, BufferPool};
+
+/// Frames are padded to a multiple of this in both directions: three 2×2 down-samplings.
+pub const ALIGNMENT: usize = 8;
 
 /// A run of pixels of `N` floats each.
 pub struct Pixels<const N: usize>(Buffer);

@@ -15,22 +15,20 @@ use crate::error::{Error, Result};
 /// existing file is replaced. Where somebody else removed what was written aside, it is written once more. On an error, or a panic,
 /// nothing is left behind and `destination` is as it was.
 pub fn write_atomically(destination: &Path, mut write: impl FnMut(&mut BufWriter<File>) -> Result<()>) -> Result<()> {
-    match write_once(destination, &mut write)? {
-        Outcome::Written => Ok(()),
-        Outcome::Removed(_) => match write_once(destination, &mut write)? {
-            Outcome::Written => Ok(()),
-            Outcome::Removed(error) => Err(Error::io(destination, error)),
-        },
+    for _ in 0..TRIES {
+        if write_once(destination, &mut write)? {
+            return Ok(());
+        }
     }
+    let reason = "another program removed it while it was written";
+    Err(Error::io(destination, io::Error::other(reason)))
 }
 
-enum Outcome {
-    Written,
-    /// What was written aside was gone when it was to be renamed.
-    Removed(io::Error),
-}
+/// How often a file is written where what was written aside is removed.
+const TRIES: usize = 2;
 
-fn write_once(destination: &Path, write: &mut impl FnMut(&mut BufWriter<File>) -> Result<()>) -> Result<Outcome> {
+/// Whether what was written aside was still there when it was to be renamed.
+fn write_once(destination: &Path, write: &mut impl FnMut(&mut BufWriter<File>) -> Result<()>) -> Result<bool> {
     let part = part_path(destination)?;
     let file = File::create_new(&part).map_err(|e| Error::io(destination, e))?;
     let guard = RemoveOnDrop(Some(&part));
@@ -41,14 +39,11 @@ fn write_once(destination: &Path, write: &mut impl FnMut(&mut BufWriter<File>) -
     drop(writer);
     match patiently(|| fs::rename(&part, destination)) {
         Ok(()) => guard.keep(),
-        Err(e) if e.kind() == io::ErrorKind::NotFound && folder_of(destination).is_dir() => {
-            let reason = "another program removed it while it was written";
-            return Ok(Outcome::Removed(io::Error::other(reason)));
-        }
+        Err(e) if e.kind() == io::ErrorKind::NotFound && folder_of(destination).is_dir() => return Ok(false),
         Err(e) => return Err(Error::io(destination, in_use(destination, e))),
     }
     sync_folder(destination);
-    Ok(Outcome::Written)
+    Ok(true)
 }
 
 /// What the names of this process's unfinished files hold, on whichever machine or in whichever container it runs.

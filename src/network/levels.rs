@@ -10,8 +10,7 @@ use super::specialisation::Codes;
 use crate::kernels::planes::Planes;
 use crate::kernels::weigh::{TapWeights, Taps, apply, offsets};
 use crate::kernels::{Channels, FULL_PHASES, pyramid};
-use crate::layers::Activation;
-use crate::layers::SEGMENT;
+use crate::layers::{Activation, SEGMENT};
 use crate::simd::{Isa, Simd, SimdOp};
 use crate::tiles::Tile;
 

@@ -2,8 +2,7 @@
 
 use super::pairs::Pairs;
 use super::predictor::Head;
-use crate::layers::Activation;
-use crate::layers::SEGMENT;
+use crate::layers::{Activation, SEGMENT};
 use crate::simd::Isa;
 use crate::simd::{Simd, dispatch};
 

@@ -7,13 +7,11 @@ use std::ops::Range;
 use ndarray::{Array2, ArrayView1, Axis, concatenate, s};
 
 use super::pairs::{Pairs, Row, gather, segment_of};
-use super::temporal::dense;
 use super::warp::EXTRAS;
 use super::weights::Weights;
 use crate::error::Result;
 use crate::kernels::FULL_PHASES;
-use crate::layers::Activation;
-use crate::layers::{Dense, SEGMENT};
+use crate::layers::{Activation, Dense, SEGMENT};
 use crate::simd::Simd;
 
 /// Queries of a kernel over one image: what to multiply a tap's key by, and its square (`QUERIES` in `training/network/model.py`).
@@ -105,8 +103,8 @@ impl Predictor {
                 starts: starts(&taps.0, &albedo.0, &queries.0),
                 pair_starts: starts(&taps.1, &albedo.1, &queries.1),
                 centre: joined(weights, &[taps.0, albedo.0, queries.0], width)?,
-                pair_centre: dense(weights, &format!("pair_{at}_centre"), a.pair, width, true)?,
-                pair_neighbour: dense(weights, &format!("pair_{at}_neighbour"), a.pair, a.features + EXTRAS, false)?,
+                pair_centre: weights.dense(&format!("pair_{at}_centre"), a.pair, width, true)?,
+                pair_neighbour: weights.dense(&format!("pair_{at}_neighbour"), a.pair, a.features + EXTRAS, false)?,
                 pair: joined(weights, &[taps.1, albedo.1, queries.1, second], a.pair)?,
             })
         };

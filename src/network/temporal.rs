@@ -12,11 +12,9 @@ use super::warp::EXTRAS;
 use super::weights::Weights;
 use crate::error::Result;
 use crate::kernels::planes::Planes;
-use crate::layers::Activation;
-use crate::layers::{Dense, SEGMENT};
+use crate::layers::{Activation, Dense, SEGMENT};
 use crate::memory::BufferPool;
-use crate::simd::Isa;
-use crate::simd::{Simd, dispatch};
+use crate::simd::{Isa, Simd, dispatch};
 use crate::tiles::Rect;
 
 /// Three 1×1 layers.
@@ -29,21 +27,15 @@ pub struct Temporal {
     variances: usize,
 }
 
-/// A 1×1 layer of the weights as a [`Dense`].
-pub(super) fn dense(weights: &Weights, key: &str, outputs: usize, inputs: usize, biased: bool) -> Result<Dense> {
-    let (w, b) = weights.conv(key, outputs, inputs, 1, biased)?;
-    Ok(Dense::new(w.slice(ndarray::s![.., .., 0, 0]), b.as_ref().map(|b| b.view())))
-}
-
 impl Temporal {
     /// Takes the layers `mix*` of the weights.
     pub fn new(weights: &Weights) -> Result<Self> {
         let (features, width) = (weights.architecture.features, weights.architecture.half);
         let variances = weights.architecture.variance * VARIANCES;
         Ok(Self {
-            centre: dense(weights, "mix_centre", width, features, true)?,
-            neighbour: dense(weights, "mix_neighbour", width, features + EXTRAS, false)?,
-            mix: dense(weights, "mix", width, features + width + variances, true)?,
+            centre: weights.dense("mix_centre", width, features, true)?,
+            neighbour: weights.dense("mix_neighbour", width, features + EXTRAS, false)?,
+            mix: weights.dense("mix", width, features + width + variances, true)?,
             features,
             width,
             variances,

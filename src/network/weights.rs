@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::LazyLock;
 
-use ndarray::{Array1, Array4, ArrayD, Ix1, Ix4};
+use ndarray::{Array1, Array4, ArrayD, Ix1, Ix4, s};
 use safetensors::{Dtype, SafeTensors};
 use serde::{Deserialize, Serialize};
 
@@ -12,7 +12,7 @@ pub use super::model_id::EMBEDDED;
 use super::model_id::ModelId;
 use super::renderers;
 use crate::error::{Error, Result};
-use crate::layers::{Conv, Winograd};
+use crate::layers::{Conv, Dense, Winograd};
 
 /// The description of architectures that this build reads.
 const VERSION: u32 = 2;
@@ -243,6 +243,12 @@ impl Weights {
         let weight = weight.into_dimensionality::<Ix4>().map_err(|e| bad(&self.name, format!("{key}: {e}")))?;
         let bias = if biased { Some(self.vector(&format!("{key}.bias"), outputs)?) } else { None };
         Ok((weight, bias))
+    }
+
+    /// A 1×1 layer.
+    pub fn dense(&self, key: &str, outputs: usize, inputs: usize, biased: bool) -> Result<Dense> {
+        let (weight, bias) = self.conv(key, outputs, inputs, 1, biased)?;
+        Ok(Dense::new(weight.slice(s![.., .., 0, 0]), bias.as_ref().map(|b| b.view())))
     }
 
     /// A 3×3 convolution with bias, ready to run at `stride` 1 or 2.

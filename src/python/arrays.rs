@@ -9,8 +9,8 @@ use pyo3::types::PyDict;
 
 use super::errors::HushError;
 use super::settings::check_lam;
-use crate::engine::{Denoised, Dial};
-use crate::frame::{FrameView, LambdaMap};
+use crate::engine::Denoised;
+use crate::frame::{FrameView, LambdaMap, OwnedDial};
 
 /// The arguments that are arrays, as Python gives them.
 pub struct Given<'a, 'py> {
@@ -82,43 +82,25 @@ impl<'py> Passes<'py> {
     }
 }
 
-/// λ of a frame, as Python gives it.
-pub enum Lam {
-    /// The same everywhere.
-    Constant(f32),
-    /// One for each pixel.
-    Map(LambdaMap),
-}
-
-impl Lam {
-    /// A number, or an array of a frame's (height, width) in which NaN means `otherwise`; None is `otherwise` everywhere. Values in
-    /// an array that are no λ are told by a UserWarning.
-    pub fn new(given: Option<&Bound<'_, PyAny>>, (rows, columns): (usize, usize), otherwise: f32) -> PyResult<Self> {
-        let Some(given) = given else { return Ok(Self::Constant(otherwise)) };
-        let is_array = given.py().import("numpy").is_ok() && given.cast::<PyUntypedArray>().is_ok_and(|array| array.ndim() > 0);
-        if !is_array {
-            return Ok(Self::Constant(check_lam(given.extract()?)?));
-        }
-        let array = floats("lam", given)?;
-        if array.shape() != [rows, columns] {
-            return Err(bad_shape("lam", array.shape(), &format!("{} like color, or a number", tuple(&[rows, columns]))));
-        }
-        let map = LambdaMap::new(view::<Ix2>(&array)?, otherwise)?;
-        if let Some(note) = map.note() {
-            let text = format!("lam: {note}: they are clamped, and NaN counts as {otherwise}");
-            let text = std::ffi::CString::new(text).unwrap_or_default();
-            PyErr::warn(given.py(), &given.py().get_type::<PyUserWarning>(), &text, 1)?;
-        }
-        Ok(Self::Map(map))
+/// λ of a frame: a number, or an array of its (height, width) in which NaN means `otherwise`; None is `otherwise` everywhere. Values in
+/// an array that are no λ are told by a UserWarning.
+pub fn dial_of(given: Option<&Bound<'_, PyAny>>, (rows, columns): (usize, usize), otherwise: f32) -> PyResult<OwnedDial> {
+    let Some(given) = given else { return Ok(otherwise.into()) };
+    let is_array = given.py().import("numpy").is_ok() && given.cast::<PyUntypedArray>().is_ok_and(|array| array.ndim() > 0);
+    if !is_array {
+        return Ok(check_lam(given.extract()?)?.into());
     }
-
-    /// As the engine takes it.
-    pub fn dial(&self) -> Dial<'_> {
-        match self {
-            Self::Constant(lambda) => Dial::Constant(*lambda),
-            Self::Map(map) => Dial::Map(map),
-        }
+    let array = floats("lam", given)?;
+    if array.shape() != [rows, columns] {
+        return Err(bad_shape("lam", array.shape(), &format!("{} like color, or a number", tuple(&[rows, columns]))));
     }
+    let map = LambdaMap::new(view::<Ix2>(&array)?, otherwise)?;
+    if let Some(note) = map.note() {
+        let text = format!("lam: {note}: they are clamped, and NaN counts as {otherwise}");
+        let text = std::ffi::CString::new(text).unwrap_or_default();
+        PyErr::warn(given.py(), &given.py().get_type::<PyUserWarning>(), &text, 1)?;
+    }
+    Ok(map.into())
 }
 
 /// The result's colour, with alpha where the input had it: (rows, columns, 3 or 4).

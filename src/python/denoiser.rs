@@ -1,35 +1,51 @@
 //! Frames in memory: one alone, or a window that slides over a shot.
 
-use std::collections::VecDeque;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use ndarray::Array3;
 use numpy::PyArray3;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use super::arrays::{Given, Lam, Out, Passes, color_of, to_numpy};
+use super::arrays::{Given, Out, Passes, color_of, dial_of, to_numpy};
 use super::errors::HushError;
-use super::settings::{check_lam, check_window, engine};
-use crate::engine::{EncodedFrame, Engine, FirstPass, SILENT};
+use super::settings::{check_lam, check_window, make_engine};
+use crate::engine::{self, Engine};
 use crate::error::Result;
 use crate::rules::window::LAMBDA_RANGE;
 
-/// The engine with the default settings, made at a process's first call: a forked one has not the threads of its parent's.
-static DEFAULT: Mutex<Option<(u32, Arc<Engine>)>> = Mutex::new(None);
+/// An engine that is kept for the next call.
+struct Kept {
+    /// The process that made it: a forked one has not the threads of its parent's.
+    process: u32,
+    renderer: Option<String>,
+    memory: Option<i64>,
+    threads: Option<i64>,
+    engine: Arc<Engine>,
+}
 
-/// The engine with the default settings.
-fn default_engine(py: Python<'_>) -> PyResult<Arc<Engine>> {
-    let kept = || DEFAULT.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some((process, engine)) = kept().as_ref()
-        && *process == std::process::id()
-    {
-        return Ok(Arc::clone(engine));
+/// The engine of the last call.
+static KEPT: Mutex<Option<Kept>> = Mutex::new(None);
+
+/// The engine of the last call, where that had the same settings, else a new one; with the embedded weights.
+fn kept_engine(py: Python<'_>, renderer: Option<&str>, memory: Option<i64>, threads: Option<i64>) -> PyResult<Arc<Engine>> {
+    let kept = || KEPT.lock().unwrap_or_else(PoisonError::into_inner);
+    let process = std::process::id();
+    let is_same =
+        |kept: &Kept| (kept.process, kept.renderer.as_deref(), kept.memory, kept.threads) == (process, renderer, memory, threads);
+    if let Some(kept) = kept().as_ref().filter(|kept| is_same(kept)) {
+        return Ok(Arc::clone(&kept.engine));
     }
-    let made = Arc::new(engine(py, None, None, None, None, false)?);
-    *kept() = Some((std::process::id(), Arc::clone(&made)));
-    Ok(made)
+    let engine = Arc::new(make_engine(py, None, renderer, memory, threads, false)?);
+    let new = Kept { process, renderer: renderer.map(str::to_owned), memory, threads, engine: Arc::clone(&engine) };
+    let old = kept().replace(new);
+    match old {
+        // The threads of a pool from before a fork are not there to be waited for.
+        Some(old) if old.process != process => std::mem::forget(old),
+        old => py.detach(|| drop(old)),
+    }
+    Ok(engine)
 }
 
 /// Denoises one image by itself.
@@ -79,17 +95,16 @@ pub fn denoise<'py>(
     renderer: Option<&str>,
 ) -> PyResult<Py<PyAny>> {
     let passes = Passes::new(&Given { color, albedo, normal, depth, vector, aovs: None })?;
-    let engine = if (memory, threads, &model, renderer) == (None, None, &None, None) {
-        default_engine(py)?
-    } else {
-        Arc::new(engine(py, model, renderer, memory, threads, false)?)
+    let engine = match model {
+        None => kept_engine(py, renderer, memory, threads)?,
+        model => Arc::new(make_engine(py, model, renderer, memory, threads, false)?),
     };
     let frame = passes.view()?;
-    let lam = Lam::new(lam, frame.size(), LAMBDA_RANGE.0)?;
+    let lam = dial_of(lam, frame.size(), LAMBDA_RANGE.0)?;
     let channels = if frame.alpha.is_some() { 4 } else { 3 };
     let shape = [frame.size().0, frame.size().1, channels];
     let work = move || -> Result<Array3<f32>> {
-        let denoised = engine.denoise(&engine.encode_view(&frame)?, &[], lam.dial());
+        let denoised = engine.denoise(&engine.encode_view(&frame)?, &[], lam.borrowed());
         engine.release_memory();
         Ok(color_of(denoised?).0)
     };
@@ -147,7 +162,7 @@ impl Denoised {
 ///     OSError, HushError: The weights file cannot be read, or used.
 #[pyclass(frozen, module = "hush")]
 pub struct Denoiser {
-    engine: Engine,
+    state: Mutex<State>,
     /// The process that made it: after a fork its threads are not there.
     process: u32,
     /// Frames on each side that help.
@@ -156,35 +171,17 @@ pub struct Denoiser {
     /// λ where `push` says nothing else.
     #[pyo3(get)]
     lam: f32,
-    state: Mutex<State>,
 }
 
-/// The frames in the window.
-#[derive(Default)]
 struct State {
-    slots: VecDeque<Slot>,
-    /// Those at the front that are denoised already and stay as neighbours.
-    done: usize,
-    /// Those at the front whose first pass is done.
-    passed: usize,
+    denoiser: engine::Denoiser<Engine, Tag>,
     pushed: u64,
 }
 
-struct Slot {
-    /// While the first passes around it need it.
-    encoded: Option<EncodedFrame>,
-    first: Option<FirstPass>,
-    lam: Lam,
-    tag: Option<Py<PyAny>>,
-    number: u64,
-}
-
-/// A result before it is Python's.
-struct Ready {
-    color: Array3<f32>,
-    aovs: Vec<(String, Array3<f32>)>,
-    tag: Option<Py<PyAny>>,
-    number: u64,
+/// What `push` was given, else the frame's place among all.
+enum Tag {
+    Given(Py<PyAny>),
+    Number(u64),
 }
 
 #[pymethods]
@@ -203,8 +200,9 @@ impl Denoiser {
         second_pass: bool,
     ) -> PyResult<Self> {
         let (window, lam) = (check_window(window)?, check_lam(lam)?);
-        let engine = engine(py, model, renderer, memory, threads, second_pass)?;
-        Ok(Self { engine, process: std::process::id(), window, lam, state: Mutex::default() })
+        let engine = make_engine(py, model, renderer, memory, threads, second_pass)?;
+        let state = State { denoiser: engine::Denoiser::new(engine, window)?, pushed: 0 };
+        Ok(Self { state: Mutex::new(state), process: std::process::id(), window, lam })
     }
 
     /// Takes the next frame.
@@ -245,16 +243,15 @@ impl Denoiser {
         self.check_process()?;
         let passes = Passes::new(&Given { color, albedo, normal, depth, vector, aovs })?;
         let frame = passes.view()?;
-        let lam = Lam::new(lam, frame.size(), self.lam)?;
+        let lam = dial_of(lam, frame.size(), self.lam)?;
         let ready = py.detach(move || {
-            let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-            let encoded = self.engine.encode_view(&frame)?;
-            let number = state.pushed;
-            state.slots.push_back(Slot { encoded: Some(encoded), first: None, lam, tag, number });
+            let mut state = self.state();
+            let tag = tag.map_or(Tag::Number(state.pushed), Tag::Given);
+            let ready = state.denoiser.push(&frame, lam, tag)?;
             state.pushed += 1;
-            state.advance(&self.engine, self.window, false)
+            Ok(ready.into_iter().map(ready_of).collect())
         });
-        to_python(py, ready?)
+        to_python(py, ready)
     }
 
     /// Denoises the frames that still wait, and forgets all: the next frame begins a new shot.
@@ -263,23 +260,14 @@ impl Denoiser {
     ///     The frames, in order; as many as `pending` says.
     fn flush(&self, py: Python<'_>) -> PyResult<Vec<Denoised>> {
         self.check_process()?;
-        let ready = py.detach(|| {
-            let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-            let ready = state.advance(&self.engine, self.window, true);
-            (state.slots, state.done, state.passed) = (VecDeque::new(), 0, 0);
-            self.engine.release_memory();
-            ready
-        });
-        to_python(py, ready?)
+        let ready = py.detach(|| Ok(self.state().denoiser.flush()?.into_iter().map(ready_of).collect()));
+        to_python(py, ready)
     }
 
     /// Frames that were pushed and have not come back yet.
     #[getter]
     fn pending(&self, py: Python<'_>) -> usize {
-        py.detach(|| {
-            let state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-            state.slots.len() - state.done
-        })
+        py.detach(|| self.state().denoiser.pending())
     }
 }
 
@@ -290,69 +278,31 @@ impl Denoiser {
             false => Err(HushError::new_err("this Denoiser was made before the process was forked: make one in each process")),
         }
     }
-}
 
-impl State {
-    /// Denoises the frames that enough frames follow, at the `end` all, and lets go of those that help no more.
-    fn advance(&mut self, engine: &Engine, window: usize, end: bool) -> Result<Vec<Ready>> {
-        let reach = engine.identity().context(window) - window;
-        let ahead = if end { 0 } else { window };
-        let mut ready = Vec::new();
-        while self.passed + ahead < self.slots.len() {
-            let offset = |i: usize, of: usize| i as i32 - of as i32;
-            let centre = &self.slots[self.passed];
-            let Some(own) = &centre.encoded else { break };
-            let near =
-                self.slots.iter().enumerate().filter_map(|(i, slot)| Some((offset(i, self.passed), slot.encoded.as_ref()?)));
-            let around: Vec<_> = near.filter(|(o, _)| *o != 0 && o.unsigned_abs() as usize <= window).collect();
-            let (first, _) = engine.first_pass(own, &around, centre.lam.dial(), SILENT)?;
-            self.slots[self.passed].first = Some(first);
-            self.passed += 1;
-            // At the end no further first pass is to come.
-            let whole = end && self.passed == self.slots.len();
-            while self.done + if whole { 0 } else { reach } < self.passed {
-                ready.extend(self.finish(engine, window, reach));
-                self.done += 1;
-            }
-            for slot in self.slots.iter_mut().take(self.passed.saturating_sub(window)) {
-                slot.encoded = None;
-            }
-            while self.done > reach && self.passed > window {
-                self.slots.pop_front();
-                (self.done, self.passed) = (self.done - 1, self.passed - 1);
-            }
-        }
-        Ok(ready)
-    }
-
-    /// The result of the next frame that is not done.
-    fn finish(&mut self, engine: &Engine, window: usize, reach: usize) -> Option<Ready> {
-        let at = self.done;
-        let denoised = if reach == 0 {
-            self.slots[at].first.take()?.denoised()
-        } else {
-            let near = self.slots.iter().enumerate().filter_map(|(i, slot)| Some((i as i32 - at as i32, slot.first.as_ref()?)));
-            let near: Vec<_> = near.filter(|(o, _)| *o != 0 && o.unsigned_abs() as usize <= window).collect();
-            engine.second_pass(self.slots[at].first.as_ref()?, &near)
-        };
-        let slot = &mut self.slots[at];
-        slot.first.iter_mut().for_each(FirstPass::averaged);
-        let (color, aovs) = color_of(denoised);
-        Some(Ready { color, aovs, tag: slot.tag.take(), number: slot.number })
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-fn to_python(py: Python<'_>, ready: Vec<Ready>) -> PyResult<Vec<Denoised>> {
-    let one = |ready: Ready| -> PyResult<Denoised> {
+/// A result before it is Python's.
+type Ready = (Tag, Array3<f32>, Vec<(String, Array3<f32>)>);
+
+fn ready_of((tag, denoised): (Tag, engine::Denoised)) -> Ready {
+    let (color, aovs) = color_of(denoised);
+    (tag, color, aovs)
+}
+
+fn to_python(py: Python<'_>, ready: Result<Vec<Ready>>) -> PyResult<Vec<Denoised>> {
+    let one = |(tag, color, images): Ready| -> PyResult<Denoised> {
         let aovs = PyDict::new(py);
-        for (name, image) in ready.aovs {
+        for (name, image) in images {
             aovs.set_item(name, to_numpy(py, image))?;
         }
-        let tag = match ready.tag {
-            Some(tag) => tag,
-            None => ready.number.into_pyobject(py)?.into_any().unbind(),
+        let tag = match tag {
+            Tag::Given(tag) => tag,
+            Tag::Number(number) => number.into_pyobject(py)?.into_any().unbind(),
         };
-        Ok(Denoised { color: to_numpy(py, ready.color), aovs: aovs.unbind(), tag })
+        Ok(Denoised { color: to_numpy(py, color), aovs: aovs.unbind(), tag })
     };
-    ready.into_iter().map(one).collect()
+    ready?.into_iter().map(one).collect()
 }

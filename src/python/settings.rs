@@ -29,7 +29,7 @@ pub fn check_window(window: i64) -> PyResult<usize> {
 }
 
 /// An engine; `memory` in bytes, `renderer` one that the weights have an encoder for.
-pub fn engine(
+pub fn make_engine(
     py: Python<'_>,
     model: Option<PathBuf>,
     renderer: Option<&str>,

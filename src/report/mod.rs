@@ -20,5 +20,5 @@ mod statistics;
 
 pub use files::{PAGE, prepare, write};
 pub use judge::REACH;
-pub use measure::{MeasureOptions, Measured, measure};
+pub use measure::{FRAMES, MeasureOptions, Measured, measure};
 pub use oidn::Oidn;

@@ -11,7 +11,7 @@ use super::input_file::InputFile;
 use super::job::Job;
 use super::manifest::{Entry, MANIFEST, Manifest};
 use super::output::output_path;
-use super::prepare::{Action, PlannedFrame};
+use super::planned_frame::{Action, PlannedFrame};
 use super::sources::Sources;
 use crate::error::{Error, Result};
 use crate::rules::window::{WindowFrame, neighbours};

@@ -1,12 +1,12 @@
 //! What a run takes note of: each frame's entry in the manifest, the counts, the events.
 
-use std::path::Path;
 use std::time::{Duration, Instant};
 
 use super::dial::{DialEntry, FrameDial};
 use super::events::{Event, Status};
-use super::prepare::{PlannedFrame, is_degraded};
-use super::run::Run;
+use super::planned_frame::PlannedFrame;
+use super::prepare::is_degraded;
+use super::run_state::Run;
 use super::threads::{Written, ends_the_run};
 use crate::error::{Error, Result};
 use crate::rules::checks::{Warning, WarningKind};
@@ -24,7 +24,7 @@ impl Run<'_> {
         }
         let notes = self.notes.remove(&target.frame).unwrap_or_default();
         self.notes.retain(|n, _| *n > target.frame);
-        if let Some(entry) = self.manifest.frames.get_mut(&file_name(&target.output)) {
+        if let Some(entry) = self.manifest.entry_mut(&target.output) {
             entry.neighbours = neighbours;
             entry.stamp = entry.stamp.map(|state| self.cache.with_content(target.frame, state));
             entry.warnings.extend(notes);
@@ -40,7 +40,7 @@ impl Run<'_> {
             let message = format!("the mask of lambda in frame {} {note}", target.frame);
             (self.report)(Event::Warning(&Warning::new(WarningKind::LambdaMask, message)));
         }
-        let Some(entry) = self.manifest.frames.get_mut(&file_name(&target.output)) else { return };
+        let Some(entry) = self.manifest.entry_mut(&target.output) else { return };
         (entry.left_out, entry.lambda_image) = (made.left_out.clone(), made.mask_state());
         let reach = self.plan.settings.second_reach() as u64;
         let taken = |n: &WindowFrame| n.unused.is_none() && u64::from(n.offset.unsigned_abs()) <= reach;
@@ -58,8 +58,8 @@ impl Run<'_> {
     pub(super) fn settle(&mut self, written: Written) {
         match written.result {
             Ok(state) => {
-                let file = self.plan.frames.get(written.index).map(|frame| file_name(&frame.output)).unwrap_or_default();
-                if let Some(entry) = self.manifest.frames.get_mut(&file) {
+                let frame = self.plan.frames.get(written.index);
+                if let Some(entry) = frame.and_then(|frame| self.manifest.entry_mut(&frame.output)) {
                     entry.output = state;
                 }
                 self.finish(written.index, Status::Denoised, None, written.seconds);
@@ -100,7 +100,7 @@ impl Run<'_> {
         let Some(frame) = self.plan.frames.get(index) else { return };
         self.finished += 1;
         let mut used = Vec::new();
-        if let Some(entry) = self.manifest.frames.get_mut(&file_name(&frame.output)) {
+        if let Some(entry) = self.manifest.entry_mut(&frame.output) {
             if status != Status::Skipped {
                 (entry.status, entry.reason, entry.seconds) = (status, reason.clone(), seconds);
             }
@@ -132,9 +132,4 @@ impl Run<'_> {
         self.saved = Instant::now();
         self.ledger.merge(&self.manifest)
     }
-}
-
-/// The last name of a path.
-pub(super) fn file_name(path: &Path) -> String {
-    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }

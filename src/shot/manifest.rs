@@ -141,7 +141,17 @@ impl Manifest {
 
     /// The entry of an output file.
     pub fn entry(&self, output: &Path) -> Option<&Entry> {
-        self.frames.get(output.file_name()?.to_string_lossy().as_ref())
+        self.frames.get(&key(output))
+    }
+
+    /// The entry of an output file, to be changed.
+    pub(super) fn entry_mut(&mut self, output: &Path) -> Option<&mut Entry> {
+        self.frames.get_mut(&key(output))
+    }
+
+    /// Puts in the entry of an output file, in the place of one that is there.
+    pub(super) fn insert(&mut self, output: &Path, entry: Entry) {
+        self.frames.insert(key(output), entry);
     }
 
     /// Forgets the settings that no frame was made with.
@@ -149,4 +159,9 @@ impl Manifest {
         let used: BTreeSet<&String> = self.frames.values().map(|e| &e.settings).collect();
         self.settings.retain(|key, _| used.contains(key));
     }
+}
+
+/// What an output file's entry is found by: the last name of its path.
+fn key(output: &Path) -> String {
+    output.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }

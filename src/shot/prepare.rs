@@ -1,7 +1,6 @@
 //! The plan of a run, made from headers alone: what to write, with which neighbours, what to skip and why.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 
 use serde::Serialize;
 
@@ -13,6 +12,7 @@ use super::job::Job;
 use super::ledger::Ledger;
 use super::manifest::{DAMAGED, Entry, Manifest, NeighbourEntry};
 use super::output::check_output;
+use super::planned_frame::{Action, PlannedFrame};
 use super::sources::{Sources, open_sources};
 use crate::engine::Identity;
 use crate::error::{Error, Result};
@@ -20,43 +20,6 @@ use crate::rules::checks::{self, Header, Warning, WarningKind};
 use crate::rules::frames::FrameSet;
 use crate::rules::window::{Unused, WindowFrame};
 use crate::words;
-
-/// What is to be done with a frame.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-#[serde(tag = "action", content = "reason", rename_all = "snake_case")]
-pub enum Action {
-    /// Denoise it; with the reason where it is made again.
-    Denoise(Option<String>),
-    /// Its output is there and good.
-    Skip,
-    /// Its file cannot be used.
-    Fail(String),
-}
-
-/// A frame of the range.
-#[derive(Clone, Debug, Serialize)]
-pub struct PlannedFrame {
-    /// Frame number.
-    pub frame: i64,
-    /// The input file.
-    pub source: PathBuf,
-    /// The output file.
-    pub output: PathBuf,
-    /// The dial.
-    pub lambda: f32,
-    /// The dial of what the mask marks; None without a mask.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub lambda_masked: Option<f32>,
-    /// The image that is the mask.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub lambda_image: Option<PathBuf>,
-    /// What to do.
-    #[serde(flatten)]
-    pub action: Action,
-    /// The frames around it that it depends on, by what the headers say.
-    #[serde(serialize_with = "used_numbers")]
-    pub neighbours: Vec<WindowFrame>,
-}
 
 /// The plan of a run.
 #[derive(Serialize)]
@@ -185,10 +148,6 @@ impl Plan {
 fn neighbour_entry(n: &WindowFrame, sources: &Sources) -> NeighbourEntry {
     let stamp = sources.stamp(n.number);
     NeighbourEntry { offset: n.offset, frame: n.number, used: n.unused.is_none(), reason: n.unused, stamp, dial: None }
-}
-
-fn used_numbers<S: serde::Serializer>(window: &[WindowFrame], to: S) -> Result<S::Ok, S::Error> {
-    to.collect_seq(window.iter().filter(|n| n.unused.is_none()).map(|n| n.number))
 }
 
 /// The window: what was asked for, which then needs vectors; else what the vectors allow.

@@ -6,16 +6,16 @@ use std::sync::mpsc::{Receiver, SyncSender, channel, sync_channel};
 use std::thread;
 use std::time::Instant;
 
-use super::bookkeeping::file_name;
 use super::cancel::CancelToken;
 use super::events::{Event, Status, Summary};
 use super::job::Job;
 use super::ledger::Ledger;
-use super::manifest::Manifest;
 use super::output::prepare_folder;
 use super::passes::{decode_order, first_passes};
-use super::prepare::{Action, Plan, missing_text};
+use super::planned_frame::Action;
+use super::prepare::Plan;
 use super::progress::FrameProgress;
+use super::run_state::Run;
 use super::threads::{Decoded, Work, Written, decode, state_of, write};
 use super::window_cache::WindowCache;
 use crate::engine::Engine;
@@ -79,56 +79,7 @@ impl<'e> Runner<'e> {
     }
 }
 
-/// The state of a run.
-pub(super) struct Run<'a> {
-    pub(super) job: &'a Job,
-    pub(super) plan: &'a Plan,
-    pub(super) report: &'a dyn Fn(Event<'_>),
-    pub(super) cache: &'a mut WindowCache,
-    pub(super) ledger: &'a mut Ledger,
-    /// The frames of this run.
-    pub(super) manifest: Manifest,
-    pub(super) summary: Summary,
-    /// Frames that turned out to be bad when they were decoded.
-    pub(super) bad: BTreeMap<i64, Error>,
-    /// Frames whose first pass went wrong, and the time that it took.
-    pub(super) failed: BTreeMap<i64, (Error, f64)>,
-    /// What was odd about a frame, until it is written.
-    pub(super) notes: BTreeMap<i64, Vec<String>>,
-    pub(super) finished: usize,
-    /// Whether it was told that a mask has odd values.
-    pub(super) mask_noted: bool,
-    pub(super) saved: Instant,
-}
-
-impl<'a> Run<'a> {
-    fn new(
-        job: &'a Job,
-        plan: &'a Plan,
-        report: &'a dyn Fn(Event<'_>),
-        cache: &'a mut WindowCache,
-        ledger: &'a mut Ledger,
-    ) -> Self {
-        let summary = Summary { frames: plan.frames.len(), missing: missing_text(plan), ..Summary::default() };
-        let (bad, failed, notes, mask_noted) = (BTreeMap::new(), BTreeMap::new(), BTreeMap::new(), false);
-        let manifest = Manifest::default();
-        Self {
-            job,
-            plan,
-            report,
-            cache,
-            ledger,
-            manifest,
-            summary,
-            bad,
-            failed,
-            notes,
-            finished: 0,
-            mask_noted,
-            saved: Instant::now(),
-        }
-    }
-
+impl Run<'_> {
     /// Says what the plan says, and settles the frames that need no work.
     fn start(&mut self) {
         let plan = self.plan;
@@ -154,7 +105,7 @@ impl<'a> Run<'a> {
             if let (Action::Skip, Some(before)) = (&frame.action, before) {
                 entry = plan.skipped(before, frame);
             }
-            self.manifest.frames.insert(file_name(&frame.output), entry);
+            self.manifest.insert(&frame.output, entry);
             match &frame.action {
                 Action::Denoise(_) => {}
                 Action::Skip => self.finish(index, Status::Skipped, Some("already done".into()), 0.0),

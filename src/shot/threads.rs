@@ -4,7 +4,8 @@ use std::path::Path;
 use std::sync::mpsc::{Receiver, Sender, SyncSender};
 
 use super::file_state::FileState;
-use super::prepare::{Plan, PlannedFrame};
+use super::planned_frame::PlannedFrame;
+use super::prepare::Plan;
 use crate::engine::{Denoised, Engine};
 use crate::error::{Error, Result};
 use crate::frame::Frame;

@@ -1,9 +1,7 @@
 //! A frame's pixels as the float64 reference sees them, made from the passes alone: sanitised, demodulated, reprojected.
 
-use ndarray::Array2;
-
 use crate::Frame;
-use crate::frame::packed::ALIGNMENT;
+use crate::frame::pixels::ALIGNMENT;
 
 /// The brightest radiance that the engine keeps, written out again: this reference shares no arithmetic with what it checks.
 const MAX_RADIANCE: f64 = 1e35;
@@ -63,7 +61,7 @@ impl LevelImage {
         let alpha = usize::from(frame.alpha.is_some());
         let channels = 3 + alpha + 3 * frame.aovs.len();
         let mut out = Self::empty(rows, columns, channels);
-        // What is not finite in alpha or a light pass is the mean of what is in the 5×5 pixels around it.
+        // What is not finite in a light pass is the mean of what is in the 5×5 pixels around it.
         let value = |pixel: &dyn Fn(usize, usize) -> f32, y: usize, x: usize| {
             let near = |at: usize, most: usize| at.saturating_sub(2)..(at + 3).min(most);
             let around = near(y, own_rows).flat_map(|y| near(x, own_columns).map(move |x| (y, x)));
@@ -86,8 +84,7 @@ impl LevelImage {
                     let v = if finite { f64::from(frame.colour[[iy, ix, c]]).clamp(0.0, MAX_RADIANCE) } else { 0.0 };
                     out.cells.push(BoundedValue::of(v / m));
                 }
-                let seen = |a: &Array2<f32>| value(&|y, x| a[[y, x]], iy, ix).clamp(0.0, 1.0);
-                out.cells.extend(frame.alpha.iter().map(|a| BoundedValue::of(seen(a))));
+                out.cells.extend(alpha.map(|a| BoundedValue::of(bounded(a))));
                 for aov in &frame.aovs {
                     let at = |c: usize| value(&|y, x| aov.image[[y, x, c]], iy, ix).clamp(-MAX_RADIANCE, MAX_RADIANCE);
                     out.cells.extend((0..3).map(|c| BoundedValue::of(at(c) / modulation[c])));

@@ -6,7 +6,7 @@ use super::cases::{Case, values};
 use super::row::{CheckRow, Worst};
 use super::scene::MOTION;
 use super::suite::Suite;
-use crate::frame::packed::ALIGNMENT;
+use crate::frame::pixels::ALIGNMENT;
 use crate::{Frame, Result};
 
 /// A shift changes no more than rounding.

@@ -5,8 +5,8 @@ use std::time::Duration;
 use crate::shot::Stamp;
 
 /// A file that was not whole is looked at again this often, for a minute after its last change.
-pub(super) const AGAIN: Duration = Duration::from_secs(5);
-pub(super) const AGAIN_FOR: Duration = Duration::from_secs(60);
+pub(super) const LOOK_AGAIN: Duration = Duration::from_secs(5);
+pub(super) const LOOK_AGAIN_FOR: Duration = Duration::from_secs(60);
 
 /// How a frame was made, to tell whether it is to be made again.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -44,7 +44,7 @@ pub(super) enum Landing {
 impl Landing {
     /// The system refused to read it; the reason follows `it`.
     pub fn unreadable(reason: &str, now: Duration) -> Self {
-        Self::Partial { reason: format!("could not be read: {reason}"), again: Some(now + AGAIN) }
+        Self::Partial { reason: format!("could not be read: {reason}"), again: Some(now + LOOK_AGAIN) }
     }
 }
 

@@ -5,7 +5,7 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
-use super::landing::{AGAIN, AGAIN_FOR, FileCheck, FrameState, Landing, Made};
+use super::landing::{FileCheck, FrameState, LOOK_AGAIN, LOOK_AGAIN_FOR, Landing, Made};
 use super::ready_rules::ReadyRules;
 use crate::rules::window::DEFAULT_WINDOW;
 use crate::shot::Stamp;
@@ -120,8 +120,8 @@ impl Frames {
                 return true;
             }
             FileCheck::Partial(reason) => {
-                let fresh = now.saturating_sub(state.since) < AGAIN_FOR;
-                state.landing = Landing::Partial { reason, again: fresh.then_some(now + AGAIN) };
+                let fresh = now.saturating_sub(state.since) < LOOK_AGAIN_FOR;
+                state.landing = Landing::Partial { reason, again: fresh.then_some(now + LOOK_AGAIN) };
             }
             FileCheck::Unreadable(reason) => state.landing = Landing::unreadable(&reason, now),
         }

@@ -19,7 +19,7 @@ const BATCH: usize = 16;
 /// A frame that another process is at is looked at again after this long.
 const THEIRS: Duration = Duration::from_secs(1);
 /// A frame that was made with a mask that is another one by now is made again after this long.
-const AGAIN: Duration = Duration::from_secs(5);
+const MAKE_AGAIN: Duration = Duration::from_secs(5);
 /// Where nothing can be written, the wait is this long at first and doubles up to `LAST_PAUSE`.
 const FIRST_PAUSE: Duration = Duration::from_secs(2);
 const LAST_PAUSE: Duration = Duration::from_secs(60);
@@ -252,7 +252,7 @@ impl<'a> Worker<'a> {
                     shot.degraded.remove(&number);
                 }
                 // A mask changed meanwhile, or one of a frame beside it could not be read.
-                None => shot.frames.hold(number, self.began.elapsed() + AGAIN),
+                None => shot.frames.hold(number, self.began.elapsed() + MAKE_AGAIN),
             }
         }
         for (number, reason) in &summary.unreadable {
