@@ -96,7 +96,7 @@ fn with_references_the_errors_are_those_of_eval() {
     let (report, page) = read_report(&shot, "report");
     assert_eq!((&report["basis"], &report["frames"]), (&"reference".into(), &serde_json::json!([1, 2, 3])));
     let rows = report["rows_by_setting"].as_array().unwrap();
-    let settings = ["noisy", "window 2", "window 0", "window 1", "window 3", "no skipping", "λ 4", "λ 16"];
+    let settings = ["noisy", "window 2", "window 0", "window 1", "window 3", "second pass", "no skipping", "λ 4", "λ 16"];
     assert_eq!(rows.iter().map(|r| r["name"].as_str().unwrap()).collect::<Vec<_>>(), settings);
     assert!(rows[0]["seconds"].is_null());
     for row in &rows[1..] {
@@ -112,20 +112,25 @@ fn with_references_the_errors_are_those_of_eval() {
     for remark in ["Not measured, as they have no reference: frame 4.", "OIDN was not measured"] {
         assert!(page.contains(remark), "{remark}");
     }
-    assert!(page.contains("worst") && page.matches("<figure>").count() == 18, "two tiles of eight settings and the reference");
-    let done = hush(&shot, &["denoise", "shot", "--output", "out", "--frames", "1-3", "--quiet"]);
-    assert!(done.status.success());
-    let expected = evaluate(&shot.dir.path().join("ref"), &shot.out(), &EvaluateOptions::default()).unwrap().mean.unwrap();
-    let found = &row(&report, "window 2")["errors"];
-    for (found, expected) in found.as_array().unwrap().iter().zip([expected.smape, expected.relmse, expected.flicker.unwrap()]) {
-        let found = found["mean"].as_f64().unwrap();
-        assert!((found / expected - 1.0).abs() < 1e-5, "{found} {expected}");
+    assert!(page.contains("worst") && page.matches("<figure>").count() == 20, "two tiles of nine settings and the reference");
+    for (setting, output, more) in [("window 2", "out", &[][..]), ("second pass", "twice", &["--second-pass"])] {
+        let args = ["denoise", "shot", "--output", output, "--frames", "1-3", "--quiet"];
+        assert!(hush(&shot, &[&args, more].concat()).status.success());
+        let (reference, denoised) = (shot.dir.path().join("ref"), shot.dir.path().join(output));
+        let expected = evaluate(&reference, &denoised, &EvaluateOptions::default()).unwrap().mean.unwrap();
+        let found = row(&report, setting)["errors"].as_array().unwrap();
+        for (found, expected) in found.iter().zip([expected.smape, expected.relmse, expected.flicker.unwrap()]) {
+            let found = found["mean"].as_f64().unwrap();
+            assert!((found / expected - 1.0).abs() < 1e-5, "{setting}: {found} {expected}");
+        }
     }
+    assert!(row(&report, "second pass")["errors"] != row(&report, "window 2")["errors"]);
+    assert!(row(&report, "second pass")["stages"][7].as_f64() > Some(0.0) && row(&report, "window 2")["stages"][7] == 0.0);
     let csv = fs::read_to_string(shot.dir.path().join("report/settings.csv")).unwrap();
     let fields: BTreeSet<usize> = csv.lines().map(|line| line.split(',').count()).collect();
-    assert_eq!((csv.lines().count(), fields.len()), (9, 1));
+    assert_eq!((csv.lines().count(), fields.len()), (10, 1));
     let csv = fs::read_to_string(shot.dir.path().join("report/frames.csv")).unwrap();
-    assert_eq!(csv.lines().count(), 25);
+    assert_eq!(csv.lines().count(), 28);
     let again = hush(&shot, &["report", "shot", "-r", "ref", "-o", "report", "--repeats", "1", "--frames", "2", "--quiet"]);
     assert!(again.status.success() && again.stdout.is_empty() && again.stderr.is_empty(), "{}", text(&again.stderr));
     assert_eq!(read_report(&shot, "report").0["frames"], serde_json::json!([2]), "a report of ours is replaced");
@@ -152,6 +157,7 @@ fn without_references_it_says_that_the_error_is_an_estimate() {
     let best = row(&report, "window 2")["errors"][1]["mean"].as_f64().unwrap();
     assert!(noisy > 0.3 && best < 0.3 * noisy, "{noisy} {best}");
     assert!(row(&report, "window 3")["errors"][1].is_null() && page.contains("Window 3 has no estimate"));
+    assert!(row(&report, "second pass")["errors"][1].is_null() && page.contains("The second pass has no estimate"));
 }
 
 #[test]

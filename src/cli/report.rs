@@ -17,9 +17,8 @@ use crate::stability;
 
 /// Measures error against run time for the settings worth choosing between, and writes a page about it
 ///
-/// Windows 0 to 3, skipping, lambda, and Open Image Denoise where oidnDenoise or Python's pyoidn is installed: as Cycles runs it, with
-/// guides as rendered, and fast.
-/// Each frame is denoised with each setting several times in turn. Without --reference the error is estimated from noisy frames
+/// Windows 0 to 3, the second pass over time, skipping, lambda, and Open Image Denoise where oidnDenoise or Python's pyoidn is
+/// installed: as Cycles runs it, with guides as rendered, and fast. Each frame is denoised with each setting several times in turn. Without --reference the error is estimated from noisy frames
 /// before and after. No frames are written.
 #[derive(Args)]
 pub(super) struct ReportArgs {
@@ -55,8 +54,8 @@ pub(super) struct ReportArgs {
 /// Runs the subcommand; frames that could not be measured show in the exit code.
 pub(super) fn report(args: &ReportArgs, catch_signals: CatchSignals) -> Result<Exit> {
     let (sequence, settings) = args.shot.query(&args.inputs).find()?;
-    // Measured are every window and the rules by default, on the beauty alone.
-    let values = ShotSettings { skip: None, aovs: None, ..settings.values };
+    // Measured are every window, one pass and two, and the rules by default, on the beauty alone.
+    let values = ShotSettings { skip: None, aovs: None, second_pass: Some(true), ..settings.values };
     let scope = Scope::open(&sequence, &values.selection(), values.frames.as_ref(), None, REACH)?;
     check_apart(&args.output, &scope)?;
     prepare(&args.output)?;

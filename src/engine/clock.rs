@@ -23,11 +23,13 @@ pub enum Stage {
     Full,
     /// Putting the result into images.
     Unpack,
+    /// Averaging the result with those around it, where a second pass over time follows.
+    SecondPass,
 }
 
 /// All stages, in the order of the work.
-pub const STAGES: [Stage; 7] =
-    [Stage::Encode, Stage::Warp, Stage::Temporal, Stage::Body, Stage::Coarse, Stage::Full, Stage::Unpack];
+pub const STAGES: [Stage; 8] =
+    [Stage::Encode, Stage::Warp, Stage::Temporal, Stage::Body, Stage::Coarse, Stage::Full, Stage::Unpack, Stage::SecondPass];
 
 impl Stage {
     /// In a few words.
@@ -40,6 +42,7 @@ impl Stage {
             Self::Coarse => "coarse levels",
             Self::Full => "full level",
             Self::Unpack => "unpack",
+            Self::SecondPass => "second pass",
         }
     }
 }

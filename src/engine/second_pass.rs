@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use ndarray::Array3;
 
-use super::{Denoised, Engine, FirstPass};
+use super::{Denoised, Engine, FirstPass, Stage};
 use crate::frame::pixels::Pixels;
 use crate::network::motion::Motion;
 use crate::network::second_pass::{Near, Own, second_pass};
@@ -32,7 +32,7 @@ impl Engine {
     /// not help in the first pass are left out, as are those behind a frame that is not given. Where there is none, or no second pass
     /// is to follow, the result is the first pass's, bit by bit.
     pub fn second_pass(&self, centre: &FirstPass, neighbours: &[(i32, &FirstPass)]) -> Denoised {
-        self.in_pool(|| self.average(centre, neighbours))
+        self.in_pool(|| self.clock.time(Stage::SecondPass, || self.average(centre, neighbours)))
     }
 
     fn average(&self, centre: &FirstPass, neighbours: &[(i32, &FirstPass)]) -> Denoised {

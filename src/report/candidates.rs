@@ -19,6 +19,8 @@ pub enum Method {
         lambda: f32,
         /// Whether the default rules leave work out.
         skipping: bool,
+        /// Whether the second pass over time follows.
+        second_pass: bool,
     },
     /// Open Image Denoise, with albedo and normal.
     Oidn {
@@ -60,6 +62,7 @@ impl OidnMode {
 pub enum CandidateKind {
     Noisy,
     Window,
+    SecondPass,
     Skipping,
     Lambda,
     Oidn,
@@ -78,32 +81,48 @@ pub struct Candidate {
     pub method: Method,
 }
 
+/// How Hush denoises a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HushSetting {
+    pub window: usize,
+    pub lambda: f32,
+    /// What the first pass leaves out where no second one follows; with one it is what the engine's own settings say.
+    pub skip: Skip,
+    pub second_pass: bool,
+}
+
 impl Candidate {
-    /// The frames that it looks at on each side.
-    pub fn window(&self) -> usize {
-        if let Method::Hush { window, .. } = self.method { window } else { 0 }
+    /// How Hush denoises for it, where it is Hush that does.
+    pub fn hush(&self) -> Option<HushSetting> {
+        let Method::Hush { window, lambda, skipping, second_pass } = self.method else { return None };
+        Some(HushSetting { window, lambda, skip: if skipping { Skip::default() } else { Skip::NONE }, second_pass })
     }
 
-    /// What Hush leaves out for it.
-    pub fn skip(&self) -> Skip {
-        if matches!(self.method, Method::Hush { skipping: false, .. }) { Skip::NONE } else { Skip::default() }
+    /// The frames on each side that its result depends on.
+    pub fn reach(&self) -> usize {
+        self.hush().map_or(0, |hush| hush.window * (1 + usize::from(hush.second_pass)))
     }
 }
 
-/// All candidates for a shot with or without motion vectors: the noisy picture first, then the default.
-pub fn candidates(vectors: bool, oidn: bool) -> Vec<Candidate> {
+/// All candidates for a shot with or without motion vectors, for weights with or without a second pass over time: the noisy picture first,
+/// then the default.
+pub fn candidates(vectors: bool, second_pass: bool, oidn: bool) -> Vec<Candidate> {
     let base = if vectors { DEFAULT_WINDOW } else { 0 };
     let hush = |name: String, kind: CandidateKind, window: usize, lambda: f32, skipping: bool| Candidate {
         name,
         kind,
         default: (window, lambda, skipping) == (base, 1.0, true),
-        method: Method::Hush { window, lambda, skipping },
+        method: Method::Hush { window, lambda, skipping, second_pass: false },
     };
     let plain = |name: &str, kind: CandidateKind, method: Method| Candidate { name: name.into(), kind, default: false, method };
     let mut out = vec![plain("noisy", CandidateKind::Noisy, Method::Noisy)];
     out.push(hush(format!("window {base}"), CandidateKind::Window, base, 1.0, true));
     let others = (0..=if vectors { MAX_WINDOW } else { 0 }).filter(|w| *w != base);
     out.extend(others.map(|w| hush(format!("window {w}"), CandidateKind::Window, w, 1.0, true)));
+    if vectors && second_pass {
+        let method = Method::Hush { window: base, lambda: 1.0, skipping: true, second_pass };
+        out.push(plain("second pass", CandidateKind::SecondPass, method));
+    }
     out.push(hush("no skipping".into(), CandidateKind::Skipping, base, 1.0, false));
     out.extend([4.0, 16.0].map(|lambda| hush(format!("λ {lambda}"), CandidateKind::Lambda, base, lambda, true)));
     if oidn {
@@ -118,7 +137,7 @@ mod tests {
 
     #[test]
     fn every_setting_is_there_once() {
-        let all = candidates(true, true);
+        let all = candidates(true, true, true);
         let names: Vec<&str> = all.iter().map(|c| c.name.as_str()).collect();
         let expected = [
             "noisy",
@@ -126,6 +145,7 @@ mod tests {
             "window 0",
             "window 1",
             "window 3",
+            "second pass",
             "no skipping",
             "λ 4",
             "λ 16",
@@ -136,13 +156,16 @@ mod tests {
         assert_eq!(names, expected);
         assert_eq!(OidnMode::ALL.map(|mode| mode.name(Some("3.0.0"))), ["OIDN 3.0.0", "OIDN 3.0.0 raw", "OIDN 3.0.0 fast"]);
         assert_eq!(all.iter().filter(|c| c.default).count(), 1);
-        assert!(all[1].default && all[4].window() == 3 && all[5].skip() == Skip::NONE);
+        assert_eq!(all.iter().map(Candidate::reach).max(), Some(4));
+        assert!(all[1].default && all[4].reach() == 3 && all[6].hush().unwrap().skip == Skip::NONE);
+        let one_pass = candidates(true, false, true);
+        assert!(one_pass.len() == all.len() - 1 && one_pass.iter().all(|c| c.reach() <= MAX_WINDOW));
     }
 
     #[test]
     fn without_vectors_no_window_is_wider_than_none() {
-        let all = candidates(false, false);
-        assert!(all.iter().all(|c| c.window() == 0 && c.kind != CandidateKind::Oidn));
+        let all = candidates(false, true, false);
+        assert!(all.iter().all(|c| c.reach() == 0 && c.kind != CandidateKind::Oidn));
         assert!(all[1].default && all[1].name == "window 0");
     }
 }

@@ -141,7 +141,7 @@ mod tests {
     use super::*;
 
     fn pictures(frames: usize, bad_at: (usize, usize)) -> Vec<CropSet> {
-        let all = candidates(true, false);
+        let all = candidates(true, false, false);
         let clean = Array3::from_elem((150, 200, 3), 0.5f32);
         let mut crops = Crops::default();
         for frame in 0..frames {

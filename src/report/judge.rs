@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use ndarray::Array3;
 
-use super::candidates::{Candidate, Method};
+use super::candidates::{Candidate, CandidateKind, Method};
 use super::estimate::{ErrorEstimate, Observed, Unseen};
 use super::record::{Basis, ERRORS, EstimateCheck, EstimateNote};
 use crate::error::{Error, Result};
@@ -50,7 +50,8 @@ pub struct Judge<'a> {
     references: Option<BTreeMap<i64, PathBuf>>,
     images: ImageChoice,
     distance: Option<usize>,
-    windows: Vec<usize>,
+    /// The frames on each side that each candidate's results depend on.
+    reaches: Vec<usize>,
     current: Option<Current>,
     previous: Option<Current>,
     seen: Vec<Estimates>,
@@ -66,13 +67,13 @@ impl<'a> Judge<'a> {
         frames: &[i64],
         candidates: &[Candidate],
     ) -> Self {
-        let windows: Vec<usize> = candidates.iter().map(Candidate::window).collect();
-        let farthest = windows.iter().max().map_or(1, |w| (w + 1).min(REACH));
+        let reaches: Vec<usize> = candidates.iter().map(Candidate::reach).collect();
+        let farthest = reaches.iter().max().map_or(1, |reach| (reach + 1).min(REACH));
         let reached = |k: usize| frames.iter().filter(|n| scope.around(**n, k).len() == 2 * k).count();
         // One frame alone says little: rather two judged from nearer by, and the widest windows not at all.
         let distance = [2, 1].into_iter().find_map(|least| (1..=farthest).rev().find(|k| reached(*k) >= least));
         let seen = vec![Estimates::default(); candidates.len()];
-        Self { scope, references, images, distance, windows, current: None, previous: None, seen, unseen: None }
+        Self { scope, references, images, distance, reaches, current: None, previous: None, seen, unseen: None }
     }
 
     /// What the errors mean.
@@ -158,7 +159,7 @@ impl<'a> Judge<'a> {
                 verdicts.push(Verdict { errors: [None; ERRORS] });
                 continue;
             };
-            let near = self.distance.is_some_and(|k| self.windows[i] < k);
+            let near = self.distance.is_some_and(|k| self.reaches[i] < k);
             let estimate = current.observed.as_ref().filter(|_| near).map(|o| o.estimate(output.view()));
             if let (Some(estimate), Some(observed)) = (estimate, &current.observed) {
                 let seen = &mut self.seen[i];
@@ -217,11 +218,15 @@ impl<'a> Judge<'a> {
                 None => Some("no frame has enough readable frames before and after it"),
             };
             remarks.extend(why.map(|why| format!("The error could not be estimated: {why}.")));
-            let wide = self.windows.iter().filter(|w| self.distance.is_some_and(|k| **w >= k)).max();
-            if let (Some(wide), Some(_)) = (wide, &note) {
+            let unjudged = candidates.iter().zip(&self.reaches).filter(|(_, reach)| self.distance.is_some_and(|k| **reach >= k));
+            let (second, wide): (Vec<_>, Vec<_>) = unjudged.partition(|(c, _)| c.kind == CandidateKind::SecondPass);
+            if let (Some(wide), Some(_)) = (wide.iter().map(|(_, reach)| **reach).max(), &note) {
                 remarks.push(format!(
                     "Window {wide} has no estimate: the shot is too short to leave frames outside it to judge by."
                 ));
+            }
+            if !second.is_empty() && note.is_some() {
+                remarks.push("The second pass has no estimate: it looks at the frames by which the others are judged.".into());
             }
         }
         (note, checks.collect(), remarks)

@@ -8,12 +8,13 @@ use ndarray::Array3;
 
 use super::candidates::{Candidate, CandidateKind, Method, OidnMode, candidates};
 use super::crops::{CropSet, Crops};
+use super::hush_runs::{HushRun, HushRuns};
 use super::judge::{Judge, Verdict};
 use super::machine::Machine;
 use super::oidn::Oidn;
 use super::record::{ERRORS, FrameErrors, Report, SettingRow};
 use super::statistics::{Spread, pareto};
-use crate::engine::{EncodedFrame, Engine, SILENT, STAGES};
+use crate::engine::{Engine, STAGES};
 use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::io::sequence::Sequence;
@@ -74,7 +75,7 @@ pub fn measure(
         let text = format!("Measured were {FRAMES} of {of_frames} frames, in the middle of the shot.");
         remarks.push(text);
     }
-    let candidates = candidates(scope.has_vectors(), options.oidn.is_some());
+    let candidates = candidates(scope.has_vectors(), engine.has_second_pass(), options.oidn.is_some());
     if !scope.has_vectors() {
         remarks.push("There is no Vector pass in every frame, so neighbours cannot help and all windows are 0.".into());
     }
@@ -89,7 +90,7 @@ pub fn measure(
         scratch: scratch.path(),
         tallies: candidates.iter().map(|_| CandidateTally::default()).collect(),
         candidates,
-        ring: BTreeMap::new(),
+        hush: HushRuns::new(scope, engine),
         failed: BTreeMap::new(),
         encode: Vec::new(),
         crops: Crops::default(),
@@ -143,6 +144,16 @@ struct CandidateTally {
     by_frame: Vec<FrameErrors>,
 }
 
+impl CandidateTally {
+    fn take(&mut self, run: &HushRun, repeat: usize) {
+        add(&mut self.times, repeat, run.seconds);
+        self.stages.iter_mut().zip(run.stages).for_each(|(sum, stage)| *sum += stage);
+        self.left_out += run.left_out;
+        self.window_bytes = self.window_bytes.max(run.window_bytes);
+        self.tile_bytes = self.tile_bytes.max(run.tile_bytes);
+    }
+}
+
 struct Measurement<'a> {
     scope: &'a Scope,
     engine: &'a Engine,
@@ -151,7 +162,7 @@ struct Measurement<'a> {
     repeats: usize,
     oidn: Option<(Oidn, bool)>,
     scratch: &'a Path,
-    ring: BTreeMap<i64, EncodedFrame>,
+    hush: HushRuns<'a>,
     failed: BTreeMap<i64, String>,
     /// Seconds to encode by repeat, all frames together.
     encode: Vec<f64>,
@@ -167,20 +178,13 @@ struct Measurement<'a> {
 impl Measurement<'_> {
     /// Measures one frame with all candidates.
     fn frame(&mut self, number: i64, progress: &dyn Fn(usize)) -> Result<()> {
-        let reach = self.candidates.iter().map(Candidate::window).max().unwrap_or(0);
-        let around = self.scope.around(number, reach);
-        self.ring.retain(|n, _| *n == number || around.iter().any(|(_, a)| a == n));
-        let frame = self.read(number)?;
+        let reach = self.candidates.iter().map(Candidate::reach).max().unwrap_or(0);
+        let frame = read(self.scope, self.cancel, number)?;
         self.judge.open(number, &frame)?;
         self.size = frame.size();
-        for n in around.iter().map(|(_, n)| *n).chain([number]) {
-            if !self.ring.contains_key(&n)
-                && let Ok(neighbour) = self.read(n)
-            {
-                self.ring.insert(n, self.engine.encode(neighbour)?);
-            }
-        }
-        let outputs = self.time(number, &frame, &around, progress)?;
+        let (scope, cancel) = (self.scope, self.cancel);
+        self.hush.take_in(number, reach, |n| read(scope, cancel, n))?;
+        let outputs = self.time(number, &frame, progress)?;
         let verdicts = self.judge.judge(&outputs)?;
         for (tally, Verdict { errors }) in self.tallies.iter_mut().zip(verdicts) {
             tally.by_frame.push(FrameErrors { frame: number, errors });
@@ -191,30 +195,14 @@ impl Measurement<'_> {
         Ok(())
     }
 
-    fn read(&self, number: i64) -> Result<Frame> {
-        if self.cancel.is_cancelled() {
-            return Err(Error::Cancelled);
-        }
-        let views = self.scope.read(number)?;
-        views
-            .into_iter()
-            .next()
-            .ok_or_else(|| Error::BadInput { input: format!("frame {number}"), reason: "holds no image".into() })
-    }
-
     /// Times every candidate, `repeats` times in turn; their pictures.
-    fn time(
-        &mut self,
-        number: i64,
-        frame: &Frame,
-        around: &[(i32, i64)],
-        progress: &dyn Fn(usize),
-    ) -> Result<Vec<Option<Array3<f32>>>> {
+    fn time(&mut self, number: i64, frame: &Frame, progress: &dyn Fn(usize)) -> Result<Vec<Option<Array3<f32>>>> {
         let mut outputs: Vec<Option<Array3<f32>>> = vec![None; self.candidates.len()];
         if self.measured.is_empty() {
             // The first run of all finds no buffers to take again.
-            self.hush(number, around, 1)?;
-            self.tallies[1] = CandidateTally::default();
+            if let Some(setting) = self.candidates[1].hush() {
+                self.hush.run(number, setting)?;
+            }
         }
         for repeat in 0..self.repeats {
             let copy = frame.clone();
@@ -231,47 +219,25 @@ impl Measurement<'_> {
                 if self.cancel.is_cancelled() {
                     return Err(Error::Cancelled);
                 }
-                match self.candidates[i].method {
-                    Method::Noisy => outputs[i] = Some(frame.colour.mapv(|v| if v.is_finite() { v.max(0.0) } else { 0.0 })),
-                    Method::Hush { .. } => {
-                        self.tallies[i].stages[0] += encoding;
-                        let (seconds, colour) = self.hush(number, around, i)?;
+                let candidate = &self.candidates[i];
+                if let Some(setting) = candidate.hush() {
+                    let run = self.hush.run(number, setting)?;
+                    self.tallies[i].stages[0] += encoding;
+                    self.tallies[i].take(&run, repeat);
+                    outputs[i].get_or_insert(run.colour);
+                } else if let Method::Oidn { mode } = candidate.method {
+                    if let Some((seconds, colour)) = self.oidn(frame, mode, i)? {
                         add(&mut self.tallies[i].times, repeat, seconds);
                         outputs[i].get_or_insert(colour);
                     }
-                    Method::Oidn { mode } => {
-                        if let Some((seconds, colour)) = self.oidn(frame, mode, i)? {
-                            add(&mut self.tallies[i].times, repeat, seconds);
-                            outputs[i].get_or_insert(colour);
-                        }
-                    }
+                } else {
+                    outputs[i] = Some(frame.colour.mapv(|v| if v.is_finite() { v.max(0.0) } else { 0.0 }));
                 }
                 self.steps += 1;
                 progress(self.steps);
             }
         }
         Ok(outputs)
-    }
-
-    /// One frame by a candidate of Hush; the seconds without encoding.
-    fn hush(&mut self, number: i64, around: &[(i32, i64)], i: usize) -> Result<(f64, Array3<f32>)> {
-        let (candidate, engine) = (&self.candidates[i], self.engine);
-        let Method::Hush { window, lambda, .. } = candidate.method else { return Err(Error::Cancelled) };
-        let missing = || Error::BadInput { input: format!("frame {number}"), reason: "could not be encoded".into() };
-        let centre = self.ring.get(&number).ok_or_else(missing)?;
-        let near = around.iter().filter(|(offset, _)| offset.unsigned_abs() as usize <= window);
-        let near: Vec<(i32, &EncodedFrame)> = near.filter_map(|(offset, n)| Some((*offset, self.ring.get(n)?))).collect();
-        let before = engine.stage_seconds();
-        let began = Instant::now();
-        let (denoised, left_out) = engine.denoise_with(centre, &near, lambda, candidate.skip(), SILENT)?;
-        let seconds = began.elapsed().as_secs_f64();
-        let footprint = engine.footprint(centre, &near);
-        let tally = &mut self.tallies[i];
-        tally.stages.iter_mut().zip(engine.stage_seconds()).zip(before).for_each(|((sum, now), then)| *sum += now - then);
-        tally.left_out += left_out.constant;
-        tally.window_bytes = tally.window_bytes.max(footprint.window);
-        tally.tile_bytes = tally.tile_bytes.max(footprint.tile);
-        Ok((seconds, denoised.colour))
     }
 
     /// One frame by the peer; None once it has failed, unless the user named it.
@@ -299,9 +265,6 @@ impl Measurement<'_> {
         if options.oidn.is_none() {
             self.remarks.push("OIDN was not measured: oidnDenoise is not installed, or was switched off.".into());
         }
-        if self.engine.has_second_pass() {
-            self.remarks.push("The second pass over time is not measured: the rows of Hush are those of the first one.".into());
-        }
         if machine.was_busy() {
             let text = "Other programs kept the machine busy: the times are longer than on an idle one, so do not quote them.";
             self.remarks.insert(0, text.into());
@@ -309,7 +272,7 @@ impl Measurement<'_> {
         let runs = count * self.repeats as f64;
         let mut rows: Vec<SettingRow> = Vec::new();
         for (candidate, tally) in self.candidates.iter().zip(&self.tallies) {
-            let is_hush = matches!(candidate.method, Method::Hush { .. });
+            let is_hush = candidate.hush().is_some();
             let encode = |repeat: usize| if is_hush { self.encode.get(repeat).copied().unwrap_or(0.0) } else { 0.0 };
             let times: Vec<f64> = tally.times.iter().enumerate().map(|(r, t)| (t + encode(r)) / count).collect();
             if candidate.kind == CandidateKind::Oidn && self.oidn.is_none() {
@@ -358,6 +321,15 @@ impl Measurement<'_> {
         };
         Measured { report, crops: self.crops.finish() }
     }
+}
+
+/// The first view of a frame.
+fn read(scope: &Scope, cancel: &CancelToken, number: i64) -> Result<Frame> {
+    if cancel.is_cancelled() {
+        return Err(Error::Cancelled);
+    }
+    let first = scope.read(number)?.into_iter().next();
+    first.ok_or_else(|| Error::BadInput { input: format!("frame {number}"), reason: "holds no image".into() })
 }
 
 /// Adds to a list's element, which may be its next one.

@@ -7,6 +7,7 @@ mod candidates;
 mod crops;
 pub mod estimate;
 mod files;
+mod hush_runs;
 mod judge;
 mod machine;
 mod measure;

@@ -11,7 +11,7 @@ use crate::picture::raster::text_width;
 const WIDTH: f64 = 900.0;
 const LEFT: f64 = 70.0;
 /// The inks of stages.
-const STAGE_INKS: [usize; STAGES.len()] = [0, 5, 7, 1, 8, 10, 11];
+const STAGE_INKS: [usize; STAGES.len()] = [0, 5, 7, 1, 8, 10, 11, 4];
 
 /// The colour of a candidate.
 pub fn ink(candidate: &Candidate) -> Ink {
@@ -21,6 +21,7 @@ pub fn ink(candidate: &Candidate) -> Ink {
         (CandidateKind::Window, Method::Hush { window: 1, .. }) => 3,
         (CandidateKind::Window, Method::Hush { window: 3, .. }) => 4,
         (CandidateKind::Window, _) => 1,
+        (CandidateKind::SecondPass, _) => 11,
         (CandidateKind::Skipping, _) => 7,
         (CandidateKind::Lambda, Method::Hush { lambda, .. }) if lambda > 8.0 => 9,
         (CandidateKind::Lambda, _) => 8,
