@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What differs between Blender 4.2, 4.5, 5.0 and 5.2, and nothing else."""
+"""What differs between Blender 4.2, 4.5, 5.0, 5.2 and 5.3, and nothing else."""
 
 import os
 from collections.abc import Callable, Iterable

@@ -34,7 +34,7 @@ pub struct Frame {
     pub albedo: Option<Array3<f32>>,
     /// Denoising Normal, camera space, (rows, columns, 3).
     pub normal: Option<Array3<f32>>,
-    /// Denoising Depth (background 0, from Blender 5.2 on far beyond 1e9) or Depth (background 1e10), (rows, columns).
+    /// Denoising Depth (background 0, in Blender 5.2 far beyond 1e9) or Depth (background 1e10), (rows, columns).
     pub depth: Option<Array2<f32>>,
     /// Cycles' Vector pass X, Y, Z, W in pixels, y up, (rows, columns, 4).
     pub vector: Option<Array3<f32>>,

@@ -2,8 +2,8 @@
 
 /// The brightest radiance that is kept as it is; more is clamped so that sums stay finite.
 pub const MAX_RADIANCE: f32 = 1e35;
-/// Depths from here on are background: Cycles' Depth pass has 1e10, Denoising Depth from Blender 5.2 on the greatest float over the
-/// pixel's samples, also where only one of them saw the background.
+/// Depths from here on are background: Cycles' Depth pass has 1e10, Denoising Depth in Blender 5.2 the greatest float over the
+/// pixel's samples, also where only one of them saw the background. That of 5.3 is made 0 as it is read.
 const BACKGROUND_DEPTH: f32 = 1e9;
 /// Nearer is no depth either: one over the mean depth, and any depth times it, must be finite.
 const NEAREST_DEPTH: f32 = 1e-20;

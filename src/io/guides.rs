@@ -7,6 +7,7 @@ use super::selection::{Selection, made_for_vectors};
 use super::view_layers::missing_layer;
 use crate::error::{Error, Result};
 
+pub(super) const DENOISING_DEPTH: &str = "Denoising Depth";
 const DENOISING_DATA: &str = "enable View Layer › Passes › Data › Denoising Data";
 const ALBEDO_LETTERS: &[&[&str]] = &[&["R", "G", "B"]];
 const NORMAL_LETTERS: &[&[&str]] = &[&["X", "Y", "Z"], &["R", "G", "B"]];
@@ -41,7 +42,7 @@ pub(super) fn find(
     };
     let albedo = find(wanted.albedo, &names.albedo, &["Denoising Albedo"], ALBEDO_LETTERS);
     let normal = find(wanted.normal, &names.normal, &["Denoising Normal"], NORMAL_LETTERS);
-    let depth = find(wanted.depth, &names.depth, &["Denoising Depth", "Depth"], DEPTH_LETTERS);
+    let depth = find(wanted.depth, &names.depth, &[DENOISING_DEPTH, "Depth"], DEPTH_LETTERS);
     let vector = if wanted.vector { vector(layout, selection, &mut finder)? } else { None };
     Ok(FoundGuides { albedo, normal, depth, vector, missing: finder.missing })
 }

@@ -4,6 +4,7 @@
 //! holds. [`resolve_views`] and [`write_views`] do the same for all the views of a stereo file.
 
 mod atomic;
+mod background;
 mod codec;
 mod container;
 mod exr_file;

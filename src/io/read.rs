@@ -7,15 +7,17 @@ use half::slice::HalfFloatSliceExt;
 use ndarray::{Array2, Array3, Axis, Zip};
 use rayon::prelude::*;
 
+use super::background;
 use super::codec;
 use super::exr_file::{Chunk, ExrFile};
+use super::guides::DENOISING_DEPTH;
 use super::layout::{Channel, Layout, SampleType};
 use super::resolved::{PassRef, Resolved};
 use crate::error::{Error, Result};
 use crate::frame::{Aov, Frame};
 
 /// Reads the passes of `resolved`. `alpha` is None where the file has none or it is 1 everywhere; light passes come as
-/// contributions to the beauty, multiplied by their Color pass.
+/// contributions to the beauty, multiplied by their Color pass. The background has depth 0 or more than 1e9, whatever the Blender.
 ///
 /// # Errors
 /// [`Error::BadFile`] if the file is cut short, damaged, or has changed since its layout was read.
@@ -41,7 +43,13 @@ pub fn read_frame(layout: &Layout, resolved: &Resolved) -> Result<Frame> {
     let colour = next().ok_or_else(|| Error::bad_file(&layout.path, "has no colour"))?;
     let plane = |image: Array3<f32>| image.index_axis_move(Axis(2), 0);
     let alpha = next().map(plane).filter(|alpha| alpha.iter().any(|&a| a != 1.0));
-    let (albedo, normal, depth, vector) = (next(), next(), next().map(plane), next());
+    let (albedo, normal, mut depth, vector) = (next(), next(), next().map(plane), next());
+    if let (Some(depth), Some(normal), Some(pass)) = (&mut depth, &normal, &r.depth)
+        && pass.pass == DENOISING_DEPTH
+        && background::ends_at_clipping_plane(layout)
+    {
+        background::take_out(depth, normal);
+    }
     let lambda_mask = next().map(plane);
     let mut aovs = Vec::new();
     for aov in &r.aovs {

@@ -1,6 +1,6 @@
 """Tests the Blender extension: installs the real zip in each Blender and runs the cases in it.
 
-    python tests/blender/run.py                                  # builds the zip; all cases in 5.2, 5.0, 4.5 and 4.2
+    python tests/blender/run.py                                  # builds the zip; all cases in 5.3, 5.2, 5.0, 4.5 and 4.2
     python tests/blender/run.py --version 5.0 --case denoise     # cases whose name contains this
     python tests/blender/run.py --zip hush-0.1.0-linux_x64.zip   # this zip
 
@@ -168,7 +168,7 @@ def built_zip(without_wheel: bool, wheel: Path | None) -> Path:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--version", nargs="+", choices=list(venvs.VERSIONS), default=["5.2", "5.0", "4.5", "4.2"])
+    parser.add_argument("--version", nargs="+", choices=list(venvs.VERSIONS), default=["5.3", "5.2", "5.0", "4.5", "4.2"])
     parser.add_argument("--case", nargs="+", default=[""], help="only the cases whose name contains one of these")
     parser.add_argument("--zip", type=Path, help="the extension; built by default")
     parser.add_argument("--wheel", type=Path, help="the wheel to put into the zip; built by default")

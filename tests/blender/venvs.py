@@ -29,6 +29,7 @@ VERSIONS = {
     "4.5": Version("4.5.15", "3.11", "1.26.4"),
     "5.0": Version("5.0.1", "3.11", "1.26.4"),
     "5.2": Version("5.2.3", "3.13", "2.3.4"),
+    "5.3": Version("5.3.0", "3.13", "2.3.4"),
 }
 
 # What the bpy package loads but does not bring along: library, Debian package.

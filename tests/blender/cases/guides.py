@@ -1,7 +1,8 @@
 """The guides as each Blender writes them, what Hush makes of them, and the switches of Blender 5.2 that change them.
 
 Blender 5.2 writes Denoising Specular Albedo and Denoising Roughness too, and the greatest float over the samples as the depth of the
-background; before, that was 0. The environment is in Denoising Albedo in all versions.
+background; before, that was 0, and from Blender 5.3 on it is the way to the far clipping plane. The environment is in Denoising Albedo in
+all versions.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 
 check, prepare = kit.module("checks.check"), kit.module("prepare")
 BLENDER_5_2 = bpy.app.version >= (5, 2)
+BLENDER_5_3 = bpy.app.version >= (5, 3)
 SWITCHES = {
     "follow_reflections": ("denoising_pass_follow_reflections", "mirrors"),
     "albedo_weighting": ("denoising_pass_use_albedo_roughness_weighting", "black"),
@@ -38,7 +40,7 @@ def turn_off(layer: bpy.types.ViewLayer, key: str) -> bool:
 
 @cache
 def rendered() -> Path:
-    """A file with sky above ground and a mirror, the environment brighter than 1. tests/data/blender_5_2.exr is of Blender 5.2."""
+    """A file with sky above ground and a mirror, the environment brighter than 1. tests/data/blender_5_2.exr and blender_5_3.exr are of it."""
     scene = kit.build_scene()
     world = bpy.data.worlds.new("Sky")
     scene.world = world
@@ -108,9 +110,10 @@ def test_the_background_as_this_blender_writes_it() -> None:
     path = rendered()
     depth, albedo = kit.layer(path, "Denoising Depth", "Z")[..., 0], kit.layer(path, "Denoising Albedo")
     sky = depth[0]
-    expected = np.finfo(np.float32).max / SAMPLES if BLENDER_5_2 else 0
-    assert np.allclose(sky, expected, rtol=1e-6), sky
-    assert ((depth > 0) & (depth < 1e9)).any(), "no ground is seen"
+    far = bpy.context.scene.camera.data.clip_end
+    expected = (far, 1.2 * far) if BLENDER_5_3 else (np.finfo(np.float32).max / SAMPLES,) * 2 if BLENDER_5_2 else (0, 0)
+    assert ((sky >= expected[0] * (1 - 1e-6)) & (sky <= expected[1] * (1 + 1e-6))).all(), sky
+    assert ((depth > 0) & (depth < 100)).any(), "no ground is seen"
     kit.assert_close(albedo[0], np.broadcast_to(np.float32(ENVIRONMENT), albedo[0].shape), 1e-5, "the sky's albedo")
 
 

@@ -1,6 +1,7 @@
-//! A frame as Blender 5.2 writes it: its background, its environment, its new passes.
+//! Frames as Blender 5.2 and 5.3 write them: their background, their environment, their new passes.
 //!
-//! `data/blender_5_2.exr` is the scene of tests/blender/cases/guides.py in Blender 5.2.3: 32 × 24 pixels of 4 samples.
+//! `data/blender_5_2.exr` and `blender_5_3.exr` are the scene of tests/blender/cases/guides.py in Blender 5.2.3 and 5.3.0: 32 × 24 pixels of
+//! 4 samples.
 
 mod engine_support;
 
@@ -13,14 +14,19 @@ use hush::{Engine, Frame, Settings};
 use ndarray::{Array3, Axis};
 
 const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/blender_5_2.exr");
+const FILE_5_3: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/blender_5_3.exr");
 const SAMPLES: f32 = 4.0;
 const ENVIRONMENT: [f32; 3] = [0.4, 1.0, 2.0];
 
 static ENGINE: LazyLock<Engine> = LazyLock::new(|| Engine::new(Settings::default()).unwrap());
 
+fn read(file: &str, selection: &Selection) -> Frame {
+    let layout = read_layout(Path::new(file)).unwrap();
+    read_frame(&layout, &resolve(&layout, selection).unwrap()).unwrap()
+}
+
 fn rendered() -> Frame {
-    let layout = read_layout(Path::new(FILE)).unwrap();
-    read_frame(&layout, &resolve(&layout, &Selection::default()).unwrap()).unwrap()
+    read(FILE, &Selection::default())
 }
 
 fn denoised(frame: &Frame) -> Array3<f32> {
@@ -69,4 +75,26 @@ fn the_environment_is_in_its_albedo_and_the_sky_stays() {
             assert!((value - ENVIRONMENT[c]).abs() < tolerance * ENVIRONMENT[c], "{value} in channel {c}");
         }
     }
+}
+
+#[test]
+fn the_background_of_5_3_is_that_of_5_2() {
+    let depth = |file: &str, selection: &Selection| read(file, selection).depth.unwrap();
+    let before = depth(FILE, &Selection::default()).mapv(|z| if z > 1e9 { 0.0 } else { z });
+    let now = depth(FILE_5_3, &Selection::default());
+    // What 5.2 takes for the background is it in 5.3 too, and next to it a few pixels more. All else is farther by the near clipping plane.
+    let mut more = 0;
+    for (before, now) in before.iter().zip(&now) {
+        match (*before == 0.0, *now == 0.0) {
+            (true, is_background) => assert!(is_background, "{now}"),
+            (false, true) => more += 1,
+            (false, false) => assert!((now - before - 0.1).abs() < 0.02, "{before} and {now}"),
+        }
+    }
+    assert!(more < 10, "{more}");
+    // As it is written: the far clipping plane of 1000, and the mean with it on edges. So the normals are needed.
+    let mut alone = Selection::default();
+    alone.guides.normal = false;
+    let written = depth(FILE_5_3, &alone);
+    assert!(written.row(0).iter().all(|z| *z > 1000.0) && written.iter().any(|z| (100.0..900.0).contains(z)));
 }
