@@ -130,6 +130,16 @@ def test_exposure_of_a_stack_is_that_of_its_frames() -> None:
     assert together[2] == 1.0
 
 
+def test_light_below_0_counts_as_none() -> None:
+    shot = moving_shot()
+    shot.colour = shot.colour - 1
+    black = moving_shot()
+    black.colour = shot.colour.clamp_min(0)
+    assert float((shot.colour < 0).float().mean()) > 0.2
+    for one, other in zip(vars(frames(shot)).values(), vars(frames(black)).values(), strict=True):
+        assert torch.equal(one, other)
+
+
 def test_each_composed_pixel_is_of_one_of_the_two() -> None:
     shots = [moving_shot(seed=k) for k in (1, 2)]
     (pool,) = resident(*shots).pools.values()
