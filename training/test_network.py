@@ -303,6 +303,8 @@ def test_another_renderers_encoder_is_trained_by_itself(shots: Path, tmp_path: P
     trained = random_weights()
     WeightsFile(trained.weights, {"hush.architecture": json.dumps(SMALL.header())}).write(weights)
     options = ["--weights", weights, "--shots", shots, "--renderer", "other", "--normals", "world", "--out", tmp_path / "encoder"]
+    with pytest.raises(SystemExit):
+        started(monkeypatch, encoder, *options, "--renderer", "Other.1")
     started(monkeypatch, encoder, *options, "--minutes", 0.02, "--batch", 1, "--fused")
     written = WeightsFile.read(weights)
     assert written.renderers() == ["cycles", "other"]

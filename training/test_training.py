@@ -15,7 +15,7 @@ from torch import Tensor
 
 from training.benchmark import ablate
 from training.data.inputs import frames, prepare, view
-from training.data.shots import OFFSETS, Shot, read_shot
+from training.data.shots import OFFSETS, Shot, held_paths, read_shot, shot_paths
 from training.network.loss import flicker
 from training.network.model import Architecture, Hush
 from training.shots import shot_file
@@ -122,6 +122,18 @@ def test_a_shots_file_gives_back_takes_and_halves(tmp_path: Path) -> None:
         for half, passes in zip(shot.halves[frame], parts, strict=True):
             assert np.abs(np.moveaxis(half.numpy(), 0, -1)[inner] - passes["color"][inner]).max() < 5e-4
         torch.testing.assert_close(shot.references[frame], shot.halves[frame].mean(0))
+
+
+def test_a_seed_that_is_in_two_folders_is_one_shot(tmp_path: Path) -> None:
+    for name in ("a/000008.npz", "a/000010.npz", "b/000008.npz", "b/000009.npz", "b/000011.part.npz", "b/notes.npz"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    found = shot_paths([tmp_path / "a", tmp_path / "b"])
+    assert [str(path.relative_to(tmp_path)) for path in found] == ["b/000008.npz", "b/000009.npz", "a/000010.npz"]
+    assert held_paths([tmp_path / "a", tmp_path / "b"]) == found[:1]
+    found[0].unlink()
+    with pytest.raises(SystemExit, match="no validation shots in .*b: "):
+        held_paths([tmp_path / "b"])
 
 
 def test_a_reference_that_is_one_render_has_no_halves(tmp_path: Path) -> None:

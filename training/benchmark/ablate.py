@@ -22,7 +22,7 @@ from torch import Tensor, nn
 
 from training.benchmark.tables import table
 from training.data.inputs import ALL_GUIDES, Guides, prepare
-from training.data.shots import OFFSETS, Shot, read_split
+from training.data.shots import OFFSETS, Shot, read_held
 from training.network import fused
 from training.network.loss import rel_mse, smape
 from training.network.model import Hush, Residual
@@ -160,7 +160,7 @@ def main() -> None:
     p.add_argument("--threads", type=int, default=1)
     a = p.parse_args()
     torch.set_num_threads(a.threads)
-    trained, (_, held) = Trained.read(a.weights), read_split(a.shots)
+    trained, held = Trained.read(a.weights), read_held(a.shots)
     windows = (OFFSETS, ())
     whole = [scores(trained, Part("nothing"), held, offsets) for offsets in windows]
     rows = []

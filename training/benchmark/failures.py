@@ -25,7 +25,7 @@ from training.benchmark import oidn
 from training.benchmark.tables import PEER, table
 from training.benchmark.validate_oidn import denoised
 from training.data.inputs import prepare
-from training.data.shots import OFFSETS, Shot, read_split
+from training.data.shots import OFFSETS, Shot, read_held
 from training.network import fused
 from training.network.loss import rel_mse, smape
 from training.network.model import Hush
@@ -104,7 +104,7 @@ def main() -> None:
     torch.set_num_threads(a.threads)
     net = Trained.read(a.weights).network()
     net.average = fused.average
-    _, held = read_split(a.shots)
+    held = read_held(a.shots)
     sets = {name: places for name, places in members(held).items() if places}
     with oidn.device(a.threads) as device:
         rows = [row_of(net, shot, device) for shot in held]

@@ -19,7 +19,7 @@ from torch import Tensor
 
 from training.benchmark.frames import beauty
 from training.benchmark.tables import validation_table
-from training.data.shots import Shot, read_split
+from training.data.shots import Shot, read_held
 from training.network.loss import rel_mse, smape
 
 WINDOWS = (0, 1, 2)
@@ -49,7 +49,7 @@ def main() -> None:
     p.add_argument("--renderer", default="cycles", help="whose encoder to use")
     p.add_argument("--lambda", dest="lam", type=float, default=1.0)
     a = p.parse_args()
-    _, held = read_split(a.shots)
+    held = read_held(a.shots)
     scores: dict[str, list[tuple[float, float]]] = {"noisy": [], **{f"window {w}": [] for w in WINDOWS}}
     for shot in held:
         reference = shot.reference.clamp_min(0)

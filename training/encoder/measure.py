@@ -17,7 +17,7 @@ from training.benchmark import oidn
 from training.benchmark.tables import METHODS, validation_table
 from training.benchmark.validate_oidn import denoised
 from training.data.inputs import prepare
-from training.data.shots import OFFSETS, read_split
+from training.data.shots import OFFSETS, read_held
 from training.network.loss import rel_mse, smape
 from training.network.weights_file import WeightsFile
 
@@ -30,7 +30,7 @@ def main() -> None:
     p.add_argument("--threads", type=int, default=1)
     a = p.parse_args()
     torch.set_num_threads(a.threads)
-    _, held = read_split(a.shots)
+    held = read_held(a.shots)
     file = WeightsFile.read(a.weights)
     scores: dict[str, list[tuple[float, float]]] = {}
     with oidn.device(a.threads) as device:
