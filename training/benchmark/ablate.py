@@ -144,7 +144,7 @@ def scores(trained: Trained, part: Part, shots: list[Shot], offsets: tuple[int, 
     part.network(net)
     found = []
     for shot in shots:
-        batch = {name: value[None] for name, value in prepare(shot, offsets, part.guides).items()}
+        batch = {name: value[None] for name, value in prepare(shot, offsets, part.guides, net.arch.albedo_epsilon).items()}
         part.batch(batch)
         gain = batch["gain"].view(-1, 1, 1, 1)
         image, reference = net(batch, torch.ones(1))["image"] * gain, batch["reference"] * gain

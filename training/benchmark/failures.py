@@ -62,7 +62,7 @@ def errors(shot: Shot, image: Tensor) -> tuple[float, float]:
 
 @torch.no_grad()
 def by_hush(net: Hush, shot: Shot, offsets: Sequence[int]) -> Tensor:
-    batch = {name: value[None] for name, value in prepare(shot, offsets).items()}
+    batch = {name: value[None] for name, value in prepare(shot, offsets, epsilon=net.arch.albedo_epsilon).items()}
     return net(batch, torch.ones(1))["image"][0]
 
 

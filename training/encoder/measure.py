@@ -38,7 +38,7 @@ def main() -> None:
         for shot in held:
             images: dict[str, Tensor] = {METHODS[name]: image for name, image in denoised(device, shot).items()}
             for window, offsets in ((0, ()), (2, OFFSETS)):
-                batch = {name: value[None] for name, value in prepare(shot, offsets).items()}
+                batch = {name: value[None] for name, value in prepare(shot, offsets, epsilon=file.architecture().albedo_epsilon).items()}
                 for name, net in nets.items():
                     images[f"Hush, window {window}, {name} encoder"] = net(batch, torch.ones(1))["image"][0]
             target = prepare(shot, ())

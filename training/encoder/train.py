@@ -67,7 +67,7 @@ class Run:
 
 def train(run: Run, shots: Resident, a: argparse.Namespace) -> None:
     """Trains the encoder for as long as is left of `--minutes`."""
-    batches = Batches(shots, Recipe(outputs=a.batch, turned=a.normals == "world"), run.step + 31)
+    batches = Batches(shots, Recipe(outputs=a.batch, epsilon=run.net.arch.albedo_epsilon, turned=a.normals == "world"), run.step + 31)
     begun, running = time.monotonic() - run.spent, None
     while (spent := time.monotonic() - begun) < a.minutes * 60:
         done = spent / (a.minutes * 60)

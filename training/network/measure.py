@@ -72,7 +72,8 @@ def scores(net: Hush, shots: Sample, windows: Sequence[tuple[int, tuple[int, ...
             centre = pool.frames // 2
             paired = centre - 1 in pool.referenced
             for window, offsets in windows:
-                batch = looked_at(shot, ALL_GUIDES, [centre, centre - 1] if paired and offsets else [centre], offsets)
+                centres = [centre, centre - 1] if paired and offsets else [centre]
+                batch = looked_at(shot, ALL_GUIDES, centres, offsets, net.arch.albedo_epsilon)
                 with torch.autocast(whole.device.type, torch.bfloat16, enabled=bf16):
                     out = denoised(net, batch)
                 values = of_shots(out[0], batch)
