@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from training.benchmark import ablate
 from training.data.inputs import frames, prepare, view
 from training.data.shots import OFFSETS, Shot, held_paths, read_shot, shot_paths
 from training.network.loss import flicker
-from training.network.model import Architecture, Hush
+from training.network.model import VARIANCES, Architecture, Hush
 from training.shots import shot_file
 from training.shots.cycles.pack import Chunks
 from training.shots.processes import run_all
@@ -56,17 +57,32 @@ def test_a_network_without_trust_in_its_neighbours_is_the_window_of_zero() -> No
     torch.testing.assert_close(net(batch, lam)["image"], net(alone, lam)["image"])
 
 
-def test_what_is_left_out_has_no_effect() -> None:
+@pytest.mark.parametrize("arch", [Architecture(), Architecture(albedo_levels=3, variance=1)])
+def test_what_is_left_out_has_no_effect(arch: Architecture) -> None:
     torch.manual_seed(1)
-    net = Hush(Architecture(features=8, half=8, quarter=8, eighth=8))
+    net = Hush(replace(arch, features=8, half=8, quarter=8, eighth=8))
+    net.load_state_dict({k: v + 0.1 * torch.randn_like(v) for k, v in net.state_dict().items()})
     batch = {k: v[None] for k, v in prepare(moving_shot()).items()}
-    other = batch | {"colour": torch.cat((batch["colour"][:, :1], 1 - batch["colour"][:, 1:]), 1)}
-    assert (net(batch, torch.ones(1))["image"] - net(other, torch.ones(1))["image"]).abs().max() > 1e-3
+    other = batch | {k: torch.cat((batch[k][:, :1], 1 - batch[k][:, 1:]), 1) for k in ("colour", "albedo")}
+    run = lambda of, name="image": net(of, torch.ones(1))[name].detach()
+    assert (run(batch) - run(other)).abs().max() > 1e-3
     ablate.neighbour_taps(net)
-    torch.testing.assert_close(net(batch, torch.ones(1))["image"], net(other, torch.ones(1))["image"])
-    assert (net(batch, torch.ones(1))["albedo"] - batch["albedo"][:, 0]).abs().max() > 1e-3
+    if arch.variance:
+        assert (run(batch) - run(other)).abs().max() > 1e-5, "the variances still know of them"
+        before = run(batch)
+        ablate.variances(net)
+        assert (run(batch) - before).abs().max() > 1e-5
+    torch.testing.assert_close(run(batch), run(other))
+    torch.testing.assert_close(run(batch, "albedo"), run(other, "albedo"))
+    assert (run(batch, "albedo") - batch["albedo"][:, 0]).abs().max() > 1e-3
     ablate.own_albedo(net)
-    torch.testing.assert_close(net(batch, torch.ones(1))["albedo"], batch["albedo"][:, 0])
+    torch.testing.assert_close(run(batch, "albedo"), batch["albedo"][:, 0])
+
+
+def test_the_temporal_extractor_is_left_out_without_the_variances() -> None:
+    net = Hush(Architecture(features=8, half=8, quarter=8, eighth=8, variance=1))
+    ablate.temporal_extractor(net)
+    assert [bool(part.abs().max() > 0) for part in net.mix.weight.detach().split((8, 8, VARIANCES), 1)] == [True, False, True]
 
 
 def test_flicker_is_nothing_where_the_error_moves_along() -> None:
