@@ -2,7 +2,8 @@
 
     python -m training.benchmark.validate_hush --shots runs/shots --hush target/release/hush
 
-Scores are computed as `training.network.measure` does; the table goes to standard output.
+A shot's scores are those of `training.network.measure`. The table, on standard output, has their means; training takes the geometric one
+of relMSE.
 """
 
 from __future__ import annotations

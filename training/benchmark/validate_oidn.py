@@ -3,8 +3,8 @@
     python -m training.benchmark.validate_oidn --shots runs/shots > runs/oidn.json
 
 Three rows a shot: `oidn_clean_aux`, as Cycles runs it, first filters the albedo and the normal, each by itself, and says so with
-cleanAux; `oidn_high` and `oidn_fast` take them as rendered. Scores are computed as `training.network.measure` does. A markdown
-table goes to stderr, the numbers of every shot go to stdout as JSON. Needs pyoidn.
+cleanAux; `oidn_high` and `oidn_fast` take them as rendered. Scores and their means are those of validate_hush.py. A markdown table goes to
+stderr, the numbers of every shot go to stdout as JSON. Needs pyoidn.
 """
 
 from __future__ import annotations

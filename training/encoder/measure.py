@@ -2,7 +2,7 @@
 
     python -m training.encoder.measure --weights models/hush.safetensors --shots runs/mitsuba
 
-SMAPE and relMSE of the middle frames at λ 1, as `training.network.measure` computes them; a table on standard output.
+SMAPE and relMSE of the middle frames at λ 1, with the means of benchmark/validate_hush.py; a table on standard output.
 """
 
 from __future__ import annotations

@@ -62,7 +62,8 @@ def scores(net: Hush, shots: Sample, windows: Sequence[tuple[int, tuple[int, ...
     """Means over the shots' middle frames at λ 1, by window: `smape_2`, `smape_0` …
 
     smape; relmse, geometric, for a few fireflies decide the other mean; blocks: SMAPE of means over 4×4 pixels, in which the references'
-    own noise counts less; half, quarter: SMAPE of the demodulated levels; flicker: of the shots with two references in a row.
+    own noise counts less; half, quarter: SMAPE of the demodulated levels; flicker: of the shots with two references in a row, over all
+    pixels: those whose way back leaves the frame count as 0, `hush eval` leaves them out.
     """
     found: dict[str, list[Tensor]] = {}
     for pool, index in shots:
