@@ -66,9 +66,8 @@ class Take:
 
 
 def write_mean(target: Path, sources: Sequence[Path]) -> None:
-    """The mean of files' beauty, unless it is there and newer than they."""
-    if not target.exists() or target.stat().st_mtime < max(path.stat().st_mtime for path in sources):
-        write_beauty(target, np.mean([beauty(path) for path in sources], 0))
+    """The mean of files' beauty, also where there is one: it may be of other passes, which no file's age tells."""
+    write_beauty(target, np.mean([beauty(path) for path in sources], 0))
 
 
 def numbers(folder: Path) -> list[int]:
