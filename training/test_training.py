@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from torch import Tensor
 
 from training.benchmark import ablate
 from training.data.inputs import frames, prepare, view
-from training.data.shots import OFFSETS, Shot, held_paths, read_shot, shot_paths
+from training.data.shots import OFFSETS, held_paths, read_shot, shot_paths
+from training.example_shots import moving_shot, noise
 from training.network.loss import flicker
 from training.network.model import VARIANCES, Architecture, Hush
 from training.shots import shot_file
@@ -24,19 +24,7 @@ from training.shots.cycles.pack import Chunks
 from training.shots.processes import run_all
 
 torch.set_num_threads(1)
-ROWS, COLUMNS = 24, 40
-
-
-def noise(*shape: int, seed: int = 1) -> Tensor:
-    return torch.rand(*shape, generator=torch.Generator().manual_seed(seed))
-
-
-def moving_shot(count: int = 7, references: tuple[int, ...] = (3, 2)) -> Shot:
-    """Noise over smooth vectors that point out of the frame in places."""
-    n = lambda channels, seed: noise(count, channels, ROWS, COLUMNS, seed=seed)
-    vector = torch.nn.functional.interpolate(noise(count, 4, 3, 4, seed=5) * 12 - 6, size=(ROWS, COLUMNS), mode="bilinear")
-    targets = {k: noise(3, ROWS, COLUMNS, seed=20 + k) for k in references}
-    return Shot(1, 4, n(3, 1) * 3, n(3, 2), n(3, 3) * 2 - 1, n(1, 4) * 9 - 1, vector, targets)
+ROWS, COLUMNS = 24, 40  # of shots as a renderer gives them
 
 
 def test_a_view_of_the_middle_is_what_prepare_gives() -> None:
