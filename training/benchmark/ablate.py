@@ -24,8 +24,9 @@ from training.benchmark.tables import table
 from training.data.inputs import ALL_GUIDES, Guides, prepare
 from training.data.shots import OFFSETS, Shot, read_held
 from training.network import fused
+from training.network.layers import Residual
 from training.network.loss import rel_mse, smape
-from training.network.model import Hush, Residual
+from training.network.model import Hush
 from training.network.weights_file import Trained
 
 Batch = dict[str, Tensor]
