@@ -29,7 +29,7 @@ def test_the_release_makes_the_wheels_of_the_table() -> None:
 
 def test_the_files_that_workflows_name() -> None:
     for path in FILES:
-        for name in re.findall(r"(?<![\w./$-])((?:tests|release|blender_addon|samples)/[\w./-]+)", path.read_text()):
+        for name in re.findall(r"(?<![\w./$-])((?:tests|release|blender_addon|samples|training)/[\w./-]+)", path.read_text()):
             assert (ROOT / name).exists(), (path.name, name)
 
 
