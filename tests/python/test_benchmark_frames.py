@@ -71,6 +71,9 @@ def test_references_of_another_cache_take_the_place_of_its_own(tmp_path: Path) -
     assert [value(frame(folder, 1)) for folder in (take.reference, *take.halves)] == [48, 32, 64]
     frames.takes(own, ["interior"], [4])
     assert value(frame(take.reference, 1)) == 3
+    written = frame(take.reference, 1).stat()
+    frames.takes(own, ["interior"], [4])
+    assert frame(take.reference, 1).stat().st_ino == written.st_ino, "what is there is not written again"
 
 
 def test_a_shot_that_is_not_rendered_is_left_out_and_said_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -66,8 +66,10 @@ class Take:
 
 
 def write_mean(target: Path, sources: Sequence[Path]) -> None:
-    """The mean of files' beauty, also where there is one: it may be of other passes, which no file's age tells."""
-    write_beauty(target, np.mean([beauty(path) for path in sources], 0))
+    """The mean of files' beauty, in place of any other: it may be of other passes, which no file's age tells."""
+    mean = np.mean([beauty(path) for path in sources], 0)
+    if not target.exists() or not np.array_equal(beauty(target), mean, equal_nan=True):
+        write_beauty(target, mean)
 
 
 def numbers(folder: Path) -> list[int]:
