@@ -75,7 +75,7 @@ def colours(folder: Path) -> np.ndarray:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("hush", type=Path, help="the program")
-    hush: Path = parser.parse_args().hush.resolve()
+    hush: Path = parser.parse_args().hush
     print(f"{'':12}  seconds without, with   share   largest difference (float16 steps)")
     for name, make in {"static": base, "background": background, "converged": converged}.items():
         with tempfile.TemporaryDirectory() as scratch:
