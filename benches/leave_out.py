@@ -9,9 +9,9 @@ Wants numpy and OpenEXR.
 
 from __future__ import annotations
 
+import argparse
 import json
 import subprocess
-import sys
 import tempfile
 from pathlib import Path
 
@@ -73,7 +73,9 @@ def colours(folder: Path) -> np.ndarray:
 
 
 def main() -> None:
-    hush = sys.argv[1]
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("hush", type=Path, help="the program")
+    hush: Path = parser.parse_args().hush
     print(f"{'':12}  seconds without, with   share   largest difference (float16 steps)")
     for name, make in {"static": base, "background": background, "converged": converged}.items():
         with tempfile.TemporaryDirectory() as scratch:

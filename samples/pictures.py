@@ -11,6 +11,7 @@ python samples/pictures.py denoised --store release   # release/icon.png and rel
 from __future__ import annotations
 
 import argparse
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,18 @@ from PIL import Image, ImageDraw, ImageFont
 HERE = Path(__file__).resolve().parent
 SAMPLES = 12  # of each pixel of the sample shot
 ICON = (170, 60, 128)  # column, row and side of the icon's part of the frame
-GAP, BAND = 6, 26  # pixels between the crops, and of the band with their names
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Pixels between the crops, of the band with their names, and of these."""
+
+    gap: int = 6
+    band: int = 26
+    letters: int = 15
+
+
+LAYOUT = Layout()
 
 
 def combined(path: Path) -> np.ndarray:
@@ -44,16 +56,19 @@ def displayed(linear: np.ndarray, exposure: float) -> np.ndarray:
     return np.round(x * 255).astype(np.uint8)
 
 
-def picture(frames: list[tuple[str, np.ndarray]], box: tuple[int, int, int, int], zoom: int, exposure: float) -> Image.Image:
+def picture(
+    frames: list[tuple[str, np.ndarray]], box: tuple[int, int, int, int], zoom: int, exposure: float, layout: Layout = LAYOUT
+) -> Image.Image:
     """The crops of all frames in a row, enlarged without smoothing, each under its name."""
     x, y, width, height = box
-    sheet = Image.new("RGB", (len(frames) * (width * zoom + GAP) - GAP, height * zoom + BAND), (255, 255, 255))
-    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(15)
+    size = (len(frames) * (width * zoom + layout.gap) - layout.gap, height * zoom + layout.band)
+    sheet = Image.new("RGB", size, (255, 255, 255))
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(layout.letters)
     for i, (name, linear) in enumerate(frames):
         crop = Image.fromarray(displayed(linear[y : y + height, x : x + width], exposure))
-        left = i * (width * zoom + GAP)
-        sheet.paste(crop.resize((width * zoom, height * zoom), Image.Resampling.NEAREST), (left, BAND))
-        draw.text((left + width * zoom / 2, BAND / 2), name, fill=(40, 40, 40), font=font, anchor="mm")
+        left = i * (width * zoom + layout.gap)
+        sheet.paste(crop.resize((width * zoom, height * zoom), Image.Resampling.NEAREST), (left, layout.band))
+        draw.text((left + width * zoom / 2, layout.band / 2), name, fill=(40, 40, 40), font=font, anchor="mm")
     return sheet
 
 

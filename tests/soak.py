@@ -237,7 +237,8 @@ def soak(settings: Settings, folder: Path) -> Result:
                 break
         time.sleep(0.05)
     result.seconds = elapsed
-    result.wait = max(0.0, max(p.stat().st_mtime for p in (folder / "out").glob("*.exr")) - began_at - rendered)
+    last = max((p.stat().st_mtime for p in (folder / "out").glob("*.exr")), default=began_at)
+    result.wait = max(0.0, last - began_at - rendered)
     result.problems += [problem for problem in (w.stop() for w in watchers) if problem]
     for event in [event for w in watchers for event in w.events()]:
         if event["event"] == "frame" and event["status"] == "denoised":
@@ -258,10 +259,10 @@ def compare(settings: Settings, folder: Path, result: Result) -> None:
     if len(plain) != settings.frames:
         result.problems.append(f"the plain run wrote {len(plain)} of {settings.frames} frames")
     result.problems += [f"{name} differs from the plain run" for name in plain if watched.get(name) != plain[name]]
-    others = [p.name for p in (folder / "out").iterdir() if p.suffix != ".exr" and p.name != "hush-manifest.json"]
+    others = [p.name for p in (folder / "out").glob("*") if p.suffix != ".exr" and p.name != "hush-manifest.json"]
     result.problems += [f"left in the output folder: {name}" for name in others]
     skipped = subprocess.run([settings.hush, "denoise", folder / "in", "-o", folder / "out", "--json"], capture_output=True, check=False)
-    done = json.loads(skipped.stdout.splitlines()[-1])
+    done = json.loads(skipped.stdout.splitlines()[-1]) if skipped.stdout else {}
     if done.get("skipped") != settings.frames:
         result.problems.append(f"a plain run over the watched outputs finds {done}")
 

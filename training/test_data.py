@@ -17,6 +17,7 @@ from training.data.resident import Crop, Resident
 from training.data.shots import OFFSETS, Shot
 from training.example_shots import moving_shot, noise
 
+EPSILON = Recipe().epsilon
 CPU = torch.device("cpu")
 TURNS = list(itertools.product((False, True), repeat=3))
 
@@ -44,7 +45,7 @@ def test_batches_are_what_single_shots_give(turn: tuple[bool, bool, bool], offse
     (pool,) = resident(*shots).pools.values()
     batch = oriented(pool.shots(chosen([2, 0]), chosen([0, 0]), 0, 6), *turn)
     guides = Guides(chosen([1.0, 0.0]), chosen([0.0, 1.0]), chosen([1.0, 1.0]))
-    made = looked_at(batch, guides, [3], offsets)
+    made = looked_at(batch, guides, [3], offsets, EPSILON)
     for at, (k, seen) in enumerate(((2, Guides(normal=False)), (0, Guides(albedo=False)))):
         alone = prepare(oriented(shots[k], *turn), offsets, seen)
         order = torch.tensor(made.orders[0])
@@ -56,7 +57,7 @@ def test_batches_are_what_single_shots_give(turn: tuple[bool, bool, bool], offse
 def test_a_pair_sees_what_each_of_its_frames_sees_and_where_the_first_was() -> None:
     shot = moving_shot()
     (pool,) = resident(shot).pools.values()
-    pair = looked_at(pool.shots(chosen([0]), chosen([0]), 0, 5), ALL_GUIDES, [3, 2], OFFSETS)
+    pair = looked_at(pool.shots(chosen([0]), chosen([0]), 0, 5), ALL_GUIDES, [3, 2], OFFSETS, EPSILON)
     of = frames(shot)
     for seen, order, centre in zip(pair.views, pair.orders, (3, 2), strict=True):
         same(seen, 0, view(shot, of, centre, OFFSETS))
@@ -68,7 +69,7 @@ def test_a_pair_sees_what_each_of_its_frames_sees_and_where_the_first_was() -> N
 
 def test_a_shorter_shot_mirrors_the_neighbours_that_it_lacks() -> None:
     (pool,) = resident(moving_shot(count=5, references=(2, 1))).pools.values()
-    pair = looked_at(pool.shots(chosen([0]), chosen([0]), 0, 4), ALL_GUIDES, [2, 1], OFFSETS)
+    pair = looked_at(pool.shots(chosen([0]), chosen([0]), 0, 4), ALL_GUIDES, [2, 1], OFFSETS, EPSILON)
     assert pair.orders == [[2, 1, 3, 0, 4], [1, 0, 2, 3, 3]]
 
 
@@ -97,7 +98,7 @@ def test_a_crop_is_the_shot_cut_out() -> None:
     batch = pool.shots(chosen([0]), chosen([0]), 0, 6, crop)
     cut = lambda x: crop.of(x)
     part = Shot(1, 4, *(cut(getattr(shot, name)) for name in ("colour", "albedo", "normal", "depth", "vector")), {3: cut(shot.reference)})
-    same(looked_at(batch, ALL_GUIDES, [3], OFFSETS).views[0], 0, {k: v for k, v in prepare(part).items() if k != "inputs"})
+    same(looked_at(batch, ALL_GUIDES, [3], OFFSETS, EPSILON).views[0], 0, {k: v for k, v in prepare(part).items() if k != "inputs"})
 
 
 def test_each_take_keeps_its_noise_and_its_samples() -> None:
@@ -128,6 +129,16 @@ def test_exposure_of_a_stack_is_that_of_its_frames() -> None:
     for k in range(4):
         torch.testing.assert_close(together[k], exposure(colour[k], valid[k]))
     assert together[2] == 1.0
+
+
+def test_light_below_0_counts_as_none() -> None:
+    shot = moving_shot()
+    shot.colour = shot.colour - 1
+    black = moving_shot()
+    black.colour = shot.colour.clamp_min(0)
+    assert float((shot.colour < 0).float().mean()) > 0.2
+    for one, other in zip(vars(frames(shot)).values(), vars(frames(black)).values(), strict=True):
+        assert torch.equal(one, other)
 
 
 def test_each_composed_pixel_is_of_one_of_the_two() -> None:

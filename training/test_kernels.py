@@ -11,6 +11,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from training.example_shots import noise
 from training.network import cuda, fused
 from training.network.model import kernel_average
 
@@ -26,10 +27,6 @@ static void atomicAdd(float *to, float value) { *to += value; }
 LOOP = """
 extern "C" void shim_%s(long long pixels%s) { for (blockIdx.x = 0; blockIdx.x < pixels; ++blockIdx.x) %s(%s); }
 """
-
-
-def noise(*shape: int, seed: int) -> Tensor:
-    return torch.rand(*shape, generator=torch.Generator().manual_seed(seed))
 
 
 def looped(name: str, pointers: int) -> str:

@@ -7,6 +7,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,11 +18,12 @@ from torch import Tensor, nn
 
 from training.benchmark import ablate
 from training.data.batches import Batches, Recipe
+from training.data.inputs import prepare
 from training.data.resident import Resident
 from training.encoder import train as encoder
 from training.example_shots import moving_shot, noise
 from training.network import clock, export, fused, measure, pack, train
-from training.network.loss import asymmetric, fireflies
+from training.network.loss import asymmetric, fireflies, smape
 from training.network.model import Architecture, Hush
 from training.network.muon import QUINTIC, Both, Muon, is_coarse
 from training.network.objective import Shares, objective, still_loss
@@ -303,12 +305,29 @@ def test_another_renderers_encoder_is_trained_by_itself(shots: Path, tmp_path: P
     trained = random_weights()
     WeightsFile(trained.weights, {"hush.architecture": json.dumps(SMALL.header())}).write(weights)
     options = ["--weights", weights, "--shots", shots, "--renderer", "other", "--normals", "world", "--out", tmp_path / "encoder"]
+    with pytest.raises(SystemExit):
+        started(monkeypatch, encoder, *options, "--renderer", "Other.1")
     started(monkeypatch, encoder, *options, "--minutes", 0.02, "--batch", 1, "--fused")
     written = WeightsFile.read(weights)
     assert written.renderers() == ["cycles", "other"]
     assert all(torch.equal(written.tensors[name], value) for name, value in trained.weights.items())
     assert (written.weights("other")["encoder.first.weight"] - trained.weights["encoder.first.weight"]).abs().max() > 1e-5
     assert json.loads(written.header["hush.validation.other"])["smape_window_2"] > 0
+
+
+def test_the_albedos_epsilon_is_the_architectures() -> None:
+    arch = replace(SMALL, albedo_epsilon=0.3)
+    draw = batches(Recipe(outputs=40, crop=32, composed=0, epsilon=arch.albedo_epsilon)).draw
+    assert min(float(draw().views[0]["albedo"][:, 0].min()) for _ in range(3)) >= 0.3
+    resident = Resident(torch.device("cpu"))
+    shot = moving_shot(rows=32, columns=32)
+    resident.add([shot])
+    net = Trained(arch, random_weights().weights).network()
+    with torch.no_grad():
+        batch = {name: value[None] for name, value in prepare(shot, (), epsilon=0.3).items()}
+        image, reference = net(batch, torch.ones(1))["image"] * batch["gain"], batch["reference"] * batch["gain"]
+    found = measure.scores(net, measure.everything(resident), [(0, ())])["smape_0"]
+    assert found == pytest.approx(float(smape(image, reference).mean()), rel=1e-5)
 
 
 def test_scores_do_not_depend_on_how_shots_are_taken_together(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,7 +13,8 @@ from safetensors.torch import save_file
 from training.data.shots import Shot
 from training.example_shots import moving_shot
 from training.network import train_second_pass
-from training.network.model import Architecture, Hush, code_of
+from training.network.layers import code_of
+from training.network.model import Architecture, Hush
 from training.network.second_pass import dialled, difference, second_pass, weights
 from training.network.train_second_pass import Example, examples, scores, train
 from training.network.weights_file import WeightsFile, begin_from

@@ -6,36 +6,25 @@ import hashlib
 import json
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
-from torch import Tensor
 
 from training.benchmark import ablate
 from training.data.inputs import frames, prepare, view
-from training.data.shots import OFFSETS, Shot, read_shot
+from training.data.shots import OFFSETS, held_paths, read_shot, shot_paths
+from training.example_shots import moving_shot, noise
 from training.network.loss import flicker
-from training.network.model import Architecture, Hush
+from training.network.model import VARIANCES, Architecture, Hush
 from training.shots import shot_file
 from training.shots.cycles.pack import Chunks
 from training.shots.processes import run_all
 
 torch.set_num_threads(1)
-ROWS, COLUMNS = 24, 40
-
-
-def noise(*shape: int, seed: int = 1) -> Tensor:
-    return torch.rand(*shape, generator=torch.Generator().manual_seed(seed))
-
-
-def moving_shot(count: int = 7, references: tuple[int, ...] = (3, 2)) -> Shot:
-    """Noise over smooth vectors that point out of the frame in places."""
-    n = lambda channels, seed: noise(count, channels, ROWS, COLUMNS, seed=seed)
-    vector = torch.nn.functional.interpolate(noise(count, 4, 3, 4, seed=5) * 12 - 6, size=(ROWS, COLUMNS), mode="bilinear")
-    targets = {k: noise(3, ROWS, COLUMNS, seed=20 + k) for k in references}
-    return Shot(1, 4, n(3, 1) * 3, n(3, 2), n(3, 3) * 2 - 1, n(1, 4) * 9 - 1, vector, targets)
+ROWS, COLUMNS = 24, 40  # of shots as a renderer gives them
 
 
 def test_a_view_of_the_middle_is_what_prepare_gives() -> None:
@@ -56,17 +45,32 @@ def test_a_network_without_trust_in_its_neighbours_is_the_window_of_zero() -> No
     torch.testing.assert_close(net(batch, lam)["image"], net(alone, lam)["image"])
 
 
-def test_what_is_left_out_has_no_effect() -> None:
+@pytest.mark.parametrize("arch", [Architecture(), Architecture(albedo_levels=3, variance=1)])
+def test_what_is_left_out_has_no_effect(arch: Architecture) -> None:
     torch.manual_seed(1)
-    net = Hush(Architecture(features=8, half=8, quarter=8, eighth=8))
+    net = Hush(replace(arch, features=8, half=8, quarter=8, eighth=8))
+    net.load_state_dict({k: v + 0.1 * torch.randn_like(v) for k, v in net.state_dict().items()})
     batch = {k: v[None] for k, v in prepare(moving_shot()).items()}
-    other = batch | {"colour": torch.cat((batch["colour"][:, :1], 1 - batch["colour"][:, 1:]), 1)}
-    assert (net(batch, torch.ones(1))["image"] - net(other, torch.ones(1))["image"]).abs().max() > 1e-3
+    other = batch | {k: torch.cat((batch[k][:, :1], 1 - batch[k][:, 1:]), 1) for k in ("colour", "albedo")}
+    run = lambda of, name="image": net(of, torch.ones(1))[name].detach()
+    assert (run(batch) - run(other)).abs().max() > 1e-3
     ablate.neighbour_taps(net)
-    torch.testing.assert_close(net(batch, torch.ones(1))["image"], net(other, torch.ones(1))["image"])
-    assert (net(batch, torch.ones(1))["albedo"] - batch["albedo"][:, 0]).abs().max() > 1e-3
+    if arch.variance:
+        assert (run(batch) - run(other)).abs().max() > 1e-5, "the variances still know of them"
+        before = run(batch)
+        ablate.variances(net)
+        assert (run(batch) - before).abs().max() > 1e-5
+    torch.testing.assert_close(run(batch), run(other))
+    torch.testing.assert_close(run(batch, "albedo"), run(other, "albedo"))
+    assert (run(batch, "albedo") - batch["albedo"][:, 0]).abs().max() > 1e-3
     ablate.own_albedo(net)
-    torch.testing.assert_close(net(batch, torch.ones(1))["albedo"], batch["albedo"][:, 0])
+    torch.testing.assert_close(run(batch, "albedo"), batch["albedo"][:, 0])
+
+
+def test_the_temporal_extractor_is_left_out_without_the_variances() -> None:
+    net = Hush(Architecture(features=8, half=8, quarter=8, eighth=8, variance=1))
+    ablate.temporal_extractor(net)
+    assert [bool(part.abs().max() > 0) for part in net.mix.weight.detach().split((8, 8, VARIANCES), 1)] == [True, False, True]
 
 
 def test_flicker_is_nothing_where_the_error_moves_along() -> None:
@@ -122,6 +126,18 @@ def test_a_shots_file_gives_back_takes_and_halves(tmp_path: Path) -> None:
         for half, passes in zip(shot.halves[frame], parts, strict=True):
             assert np.abs(np.moveaxis(half.numpy(), 0, -1)[inner] - passes["color"][inner]).max() < 5e-4
         torch.testing.assert_close(shot.references[frame], shot.halves[frame].mean(0))
+
+
+def test_a_seed_that_is_in_two_folders_is_one_shot(tmp_path: Path) -> None:
+    for name in ("a/000008.npz", "a/000010.npz", "b/000008.npz", "b/000009.npz", "b/000011.part.npz", "b/notes.npz"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    found = shot_paths([tmp_path / "a", tmp_path / "b"])
+    assert [str(path.relative_to(tmp_path)) for path in found] == ["b/000008.npz", "b/000009.npz", "a/000010.npz"]
+    assert held_paths([tmp_path / "a", tmp_path / "b"]) == found[:1]
+    found[0].unlink()
+    with pytest.raises(SystemExit, match="no validation shots in .*b: "):
+        held_paths([tmp_path / "b"])
 
 
 def test_a_reference_that_is_one_render_has_no_halves(tmp_path: Path) -> None:

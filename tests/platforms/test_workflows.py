@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import re
+import sys
 
 from conftest import ROOT, TARGET, command, release, succeeded, tool
+
+sys.path.append(str(ROOT / "tests" / "blender"))
+
+from venvs import LIBRARIES  # noqa: E402 - a script beside other tests
 
 FILES = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
 
@@ -24,5 +29,18 @@ def test_the_release_makes_the_wheels_of_the_table() -> None:
 
 def test_the_files_that_workflows_name() -> None:
     for path in FILES:
-        for name in re.findall(r"(?<![\w./$-])((?:tests|release|blender_addon|samples)/[\w./-]+)", path.read_text()):
+        for name in re.findall(r"(?<![\w./$-])((?:tests|release|blender_addon|samples|training)/[\w./-]+)", path.read_text()):
             assert (ROOT / name).exists(), (path.name, name)
+
+
+def test_machines_that_start_blender_have_its_libraries() -> None:
+    for path in FILES:
+        for job in re.split(r"^  (?=[\w-]+:$)", path.read_text(), flags=re.MULTILINE):
+            if "runs-on: ubuntu" in job and re.search(r"bpy==|tests/run\b|extension_zips", job):
+                assert [package for package in LIBRARIES.values() if package not in job] == [], (path.name, job.split(":")[0])
+
+
+def test_references_come_first() -> None:
+    calls = [call for path in FILES for call in re.findall(r"hush eval (.+)$", path.read_text(), re.MULTILINE)]
+    assert len(calls) == 2
+    assert all("samples/reference" in call.split()[0] for call in calls)

@@ -59,6 +59,23 @@ def test_a_new_pass_is_taken_in(tmp_path: Path) -> None:
     assert value(frame(take.halves[0], 1)) == (2 + 8) / 2
 
 
+def test_references_of_another_cache_take_the_place_of_its_own(tmp_path: Path) -> None:
+    own, other = tmp_path / "own", tmp_path / "other"
+    shot(other, "interior", {5: [1], 6: [1]}, {})
+    for k in (5, 6):
+        os.utime(frame(other / "interior" / f"pass{k}", 1), (1, 1))
+    shot(own, "interior", {1: [1], 2: [1]}, {4: [1]})
+    take = frames.takes(own, ["interior"], [4])[0]
+    assert value(frame(take.reference, 1)) == 3
+    frames.takes(own, ["interior"], [4], other)
+    assert [value(frame(folder, 1)) for folder in (take.reference, *take.halves)] == [48, 32, 64]
+    frames.takes(own, ["interior"], [4])
+    assert value(frame(take.reference, 1)) == 3
+    written = frame(take.reference, 1).stat()
+    frames.takes(own, ["interior"], [4])
+    assert frame(take.reference, 1).stat().st_ino == written.st_ino, "what is there is not written again"
+
+
 def test_a_shot_that_is_not_rendered_is_left_out_and_said_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     shot(tmp_path, "interior", {1: [1, 2]}, {4: [1, 2], 32: [1]})
     found = frames.takes(tmp_path, ["interior", "fog", "fur"], [4, 32])

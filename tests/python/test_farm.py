@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -43,7 +45,9 @@ def test_chunks_have_the_bits_of_one_run(shot: Path, denoised: Path, tmp_path: P
     result = run_job(shot, tmp_path / "out put", "1-8", 3)
     log = result.stdout + result.stderr
     assert result.returncode == 0, log
-    assert log.count("openjd_progress: 100.0") == 3, log
+    told = re.findall(r"openjd_progress: ([\d.]+)", log)
+    # A slow frame may tell of 99.96 % too, which is written 100.0.
+    assert [share for share, _ in itertools.groupby(told)].count("100.0") == 3, log
     assert "openjd_status: frame 4" in log
     for name in NAMES:
         one, chunked = channels(denoised / name), channels(tmp_path / "out put" / name)

@@ -41,6 +41,13 @@ def test_no_validation_shot_was_trained_on(record: dict[str, Any]) -> None:
     assert [seed for seed in held if seed % 8] == []
 
 
+def test_the_second_pass_was_trained_on_no_validation_shot(header: dict[str, Any], record: dict[str, Any]) -> None:
+    assert record["architecture"]["second_pass"] == 1
+    seeds = json.loads(header["__metadata__"]["hush.second_pass"])["seeds"]
+    assert len(seeds) == len(set(seeds)) > 0
+    assert [seed for seed in seeds if seed % 8 == 0] == []
+
+
 def test_the_measured_numbers_stand_in_the_header(record: dict[str, Any]) -> None:
     assert record["training"]["steps"] > 0
     assert record["training"]["seconds"] > 0

@@ -22,10 +22,11 @@ from torch import Tensor, nn
 
 from training.benchmark.tables import table
 from training.data.inputs import ALL_GUIDES, Guides, prepare
-from training.data.shots import OFFSETS, Shot, read_split
+from training.data.shots import OFFSETS, Shot, read_held
 from training.network import fused
+from training.network.layers import Residual
 from training.network.loss import rel_mse, smape
-from training.network.model import Hush, Residual
+from training.network.model import Hush
 from training.network.weights_file import Trained
 
 Batch = dict[str, Tensor]
@@ -62,6 +63,8 @@ def own_albedo(net: Hush) -> None:
     silence(net.head_half, sub_pixels(first + count, range(first, first + count)))
     silence(net.head_half, sub_pixels(first + count, range(first + count // 2, first + count // 2 + 1)), 1000.0)
     silence(net.pair_half_head, sub_pixels(a.neighbour_taps**2 + 1, range(a.neighbour_taps**2, a.neighbour_taps**2 + 1)))
+    if a.albedo_levels > 1:
+        silence(net.head_albedo_half, range(4 * a.coarse_taps**2))
 
 
 def coarse_taps(net: Hush, finest: bool) -> None:
@@ -76,14 +79,22 @@ def coarse_taps(net: Hush, finest: bool) -> None:
 
 
 def neighbour_taps(net: Hush) -> None:
-    for layer in (net.pair_half_head, net.pair_quarter_head, *([net.pair_eighth_head] if net.arch.levels > 3 else [])):
+    layers = [net.pair_half_head, net.pair_quarter_head, *([net.pair_eighth_head] if net.arch.levels > 3 else [])]
+    layers += [net.pair_albedo_half_head, net.pair_albedo_quarter_head] if net.arch.albedo_levels > 1 else []
+    for layer in layers:
         silence(layer, range(layer.out_channels))
 
 
 @torch.no_grad()
 def temporal_extractor(net: Hush) -> None:
     """The body sees the centre frame alone; neighbours' taps stay."""
-    net.mix.weight[:, net.arch.features :] = 0.0
+    net.mix.weight[:, net.arch.features : net.arch.features + net.arch.half] = 0.0
+
+
+@torch.no_grad()
+def variances(net: Hush) -> None:
+    """The body is not told how noisy a pixel is."""
+    net.mix.weight[:, net.arch.features + net.arch.half :] = 0.0
 
 
 @torch.no_grad()
@@ -125,6 +136,7 @@ def parts(net: Hush) -> list[Part]:
         Part("coarse taps at half and quarter resolution", lambda n: coarse_taps(n, finest=False)),
         Part("neighbours' taps", neighbour_taps),
         Part("temporal extractor", temporal_extractor),
+        *([Part("variances", variances)] if net.arch.variance else []),
         Part("keys", keys),
         *(Part(f"extra: {name}", batch=zero_extras(channels)) for name, channels in EXTRA_NAMES.items()),
         Part("guide: albedo", guides=Guides(albedo=False)),
@@ -144,7 +156,7 @@ def scores(trained: Trained, part: Part, shots: list[Shot], offsets: tuple[int, 
     part.network(net)
     found = []
     for shot in shots:
-        batch = {name: value[None] for name, value in prepare(shot, offsets, part.guides).items()}
+        batch = {name: value[None] for name, value in prepare(shot, offsets, part.guides, net.arch.albedo_epsilon).items()}
         part.batch(batch)
         gain = batch["gain"].view(-1, 1, 1, 1)
         image, reference = net(batch, torch.ones(1))["image"] * gain, batch["reference"] * gain
@@ -160,7 +172,7 @@ def main() -> None:
     p.add_argument("--threads", type=int, default=1)
     a = p.parse_args()
     torch.set_num_threads(a.threads)
-    trained, (_, held) = Trained.read(a.weights), read_split(a.shots)
+    trained, held = Trained.read(a.weights), read_held(a.shots)
     windows = (OFFSETS, ())
     whole = [scores(trained, Part("nothing"), held, offsets) for offsets in windows]
     rows = []

@@ -15,29 +15,15 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image as Pictures
-from PIL import ImageDraw, ImageFont
 
-from samples.pictures import displayed
+from samples.pictures import Layout, picture
 from training.benchmark import oidn
-from training.benchmark.frames import SHOTS, SPP, Image, Take, beauty, frame, numbers
+from training.benchmark.frames import SHOTS, SPP, Take, beauty, frame, numbers
 from training.benchmark.tables import PEER
 
 ROOT = Path(__file__).resolve().parents[2]
 
-GAP, BAND = 4, 22  # pixels between the crops, and of the band with their names
-
-
-def sheet(images: dict[str, Image], box: tuple[int, int, int, int], zoom: int, exposure: float) -> Pictures.Image:
-    """The crops of one frame in a row, enlarged without smoothing, each under its name."""
-    x, y, width, height = box
-    made = Pictures.new("RGB", (len(images) * (width * zoom + GAP) - GAP, height * zoom + BAND), (255, 255, 255))
-    draw, font = ImageDraw.Draw(made), ImageFont.load_default(13)
-    for i, (name, linear) in enumerate(images.items()):
-        crop = Pictures.fromarray(displayed(linear[y : y + height, x : x + width], exposure))
-        left = i * (width * zoom + GAP)
-        made.paste(crop.resize((width * zoom, height * zoom), Pictures.Resampling.NEAREST), (left, BAND))
-        draw.text((left + width * zoom / 2, BAND / 2), name, fill=(40, 40, 40), font=font, anchor="mm")
-    return made
+LAYOUT = Layout(4, 22, 13)
 
 
 def reduced(sheets: list[Pictures.Image], colours: int) -> list[Pictures.Image]:
@@ -70,7 +56,8 @@ def main() -> None:
     shared = sorted(set.intersection(*(set(numbers(folder)) for folder in folders.values())))
     if not shared:
         raise SystemExit(f"no frame that is in all of {', '.join(map(str, folders.values()))}; run training.benchmark.run first")
-    sheets = [sheet({name: beauty(frame(f, n)) for name, f in folders.items()}, chosen.crop, chosen.zoom, chosen.exposure) for n in shared]
+    crops = [[(name, beauty(frame(folder, n))) for name, folder in folders.items()] for n in shared]
+    sheets = [picture(frames, tuple(chosen.crop), chosen.zoom, chosen.exposure, LAYOUT) for frames in crops]
     frames = reduced(sheets, chosen.colours) if chosen.output.suffix == ".gif" else sheets
     frames += frames[-2:0:-1]
     chosen.output.parent.mkdir(parents=True, exist_ok=True)

@@ -66,9 +66,10 @@ class Take:
 
 
 def write_mean(target: Path, sources: Sequence[Path]) -> None:
-    """The mean of files' beauty, unless it is there and newer than they."""
-    if not target.exists() or target.stat().st_mtime < max(path.stat().st_mtime for path in sources):
-        write_beauty(target, np.mean([beauty(path) for path in sources], 0))
+    """The mean of files' beauty, in place of any other: it may be of other passes, which no file's age tells."""
+    mean = np.mean([beauty(path) for path in sources], 0)
+    if not target.exists() or not np.array_equal(beauty(target), mean, equal_nan=True):
+        write_beauty(target, mean)
 
 
 def numbers(folder: Path) -> list[int]:

@@ -97,15 +97,16 @@ def measure(take: Take, hush: Hush, device: Any, out: Path, methods: Sequence[st
     return scores
 
 
-def about(measured: list[Take], shots: Sequence[str]) -> str:
-    """What was measured, in a sentence or two."""
+def about(measured: list[Take], shots: Sequence[str], with_peer: bool = True) -> str:
+    """What was measured, in a sentence or two; `with_peer`, against OIDN and with unbiased errors."""
     parts = []
     for take in {take.shot: take for take in measured}.values():
-        shown = f"{len(numbers(take.reference))} frames, {len(take.passes)} passes"
-        parts.append(f"{take.shot} {shown}, brightness from {take.most_samples.spp} spp")
+        brightness = f", brightness from {take.most_samples.spp} spp" if with_peer else ""
+        parts.append(f"{take.shot} {len(numbers(take.reference))} frames, {len(take.passes)} passes{brightness}")
     missing = [shot for shot in shots if shot not in {take.shot for take in measured}]
     left_out = f" Not measured: {', '.join(missing)}." if missing else ""
-    return f"OIDN {oidn.version()}. References: {'; '.join(parts)}.{left_out} ± is one standard error over the frames."
+    said = f"References: {'; '.join(parts)}.{left_out}"
+    return f"OIDN {oidn.version()}. {said} ± is one standard error over the frames." if with_peer else said
 
 
 def reference_noise(measured: list[Take], hush: Hush) -> str:
@@ -153,7 +154,7 @@ def main() -> None:
     hush = Hush(chosen.hush, chosen.model, chosen.threads)
     if chosen.lambdas:
         curves = lambda_curves.curves(measured, chosen.lambdas, hush, out)
-        text = lambda_curves.report(curves)
+        text = f"{about(measured, chosen.shots, with_peer=False)}\n\n{lambda_curves.report(curves)}"
         (chosen.figure or out / "lambda.svg").write_text(lambda_curves.figure(curves), encoding="utf-8")
         name, rows = "lambda", [vars(point) for point in curves]
     else:

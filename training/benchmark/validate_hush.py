@@ -2,7 +2,8 @@
 
     python -m training.benchmark.validate_hush --shots runs/shots --hush target/release/hush
 
-Scores are computed as `training.network.measure` does; the table goes to standard output.
+A shot's scores are those of `training.network.measure`. The table, on standard output, has their means; training takes the geometric one
+of relMSE.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from torch import Tensor
 
 from training.benchmark.frames import beauty
 from training.benchmark.tables import validation_table
-from training.data.shots import Shot, read_split
+from training.data.shots import Shot, read_held
 from training.network.loss import rel_mse, smape
 
 WINDOWS = (0, 1, 2)
@@ -49,7 +50,7 @@ def main() -> None:
     p.add_argument("--renderer", default="cycles", help="whose encoder to use")
     p.add_argument("--lambda", dest="lam", type=float, default=1.0)
     a = p.parse_args()
-    _, held = read_split(a.shots)
+    held = read_held(a.shots)
     scores: dict[str, list[tuple[float, float]]] = {"noisy": [], **{f"window {w}": [] for w in WINDOWS}}
     for shot in held:
         reference = shot.reference.clamp_min(0)

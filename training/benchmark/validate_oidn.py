@@ -3,8 +3,8 @@
     python -m training.benchmark.validate_oidn --shots runs/shots > runs/oidn.json
 
 Three rows a shot: `oidn_clean_aux`, as Cycles runs it, first filters the albedo and the normal, each by itself, and says so with
-cleanAux; `oidn_high` and `oidn_fast` take them as rendered. Scores are computed as `training.network.measure` does. A markdown
-table goes to stderr, the numbers of every shot go to stdout as JSON. Needs pyoidn.
+cleanAux; `oidn_high` and `oidn_fast` take them as rendered. Scores and their means are those of validate_hush.py. A markdown table goes to
+stderr, the numbers of every shot go to stdout as JSON. Needs pyoidn.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from training.benchmark import oidn
 from training.benchmark.tables import METHODS as NAMES
 from training.benchmark.tables import validation_table
 from training.data.inputs import prepare
-from training.data.shots import Shot, read_split
+from training.data.shots import Shot, read_held
 from training.network.loss import rel_mse, smape
 
 METHODS = ("noisy", *oidn.METHODS)
@@ -51,9 +51,7 @@ def main() -> None:
     p.add_argument("--threads", type=int, default=1)
     a = p.parse_args()
     torch.set_num_threads(a.threads)
-    _, held = read_split(a.shots)
-    if not held:
-        raise SystemExit(f"{a.shots}: no shot whose seed is divisible by 8")
+    held = read_held(a.shots)
     scores: list[dict[str, dict[str, float]]] = []
     with oidn.device(a.threads) as device:
         for shot in held:

@@ -31,6 +31,7 @@ class Recipe:
     farther: float = 0.15  # with four neighbours out of ±1 to ±3 instead of ±1 and ±2, where shots have them
     composed: float = 0.15  # of shots in front of others
     lambda_maps: float = 0.3  # of the examples have a λ that varies inside the frame; 0 gives λ as (B,), else as maps
+    epsilon: float = 0.05  # that is added to the albedo: the architecture's
     turned: bool = False  # normals in a world that is turned at random, for renderers that give them in world space
 
 
@@ -53,12 +54,12 @@ def reach_of(frames: int, centre: int, offsets: Sequence[int]) -> list[int]:
     return [k if 0 <= centre + k < frames else -k for k in offsets]
 
 
-def looked_at(shot: Shot, guides: Guides, centres: Sequence[int], offsets: Sequence[int]) -> Batch:
+def looked_at(shot: Shot, guides: Guides, centres: Sequence[int], offsets: Sequence[int], epsilon: float) -> Batch:
     """Frames of a batch of shots as a batch, with nothing drawn at random; λ 1.
 
-    centres: the frames to denoise; two of them, the later one first, are a pair.
+    centres: the frames to denoise; two of them, the later one first, are a pair. epsilon: the architecture's `albedo_epsilon`.
     """
-    of = frames(shot, guides)
+    of = frames(shot, guides, epsilon)
     reaches = [reach_of(len(shot), centre, offsets) for centre in centres]
     seen = [[centre, *(centre + k for k in reach)] for centre, reach in zip(centres, reaches, strict=True)]
     # All frames of a pair, whichever it sees: batches of a kind have one shape.
@@ -155,7 +156,7 @@ class Batches:
         if recipe.turned:
             shot.normal = torch.einsum("bij,btjhw->btihw", rotations(count, self.generator), shot.normal)
         guides = Guides(*((self.rand(count) < share).float() for share in SEEN))
-        batch = looked_at(shot, guides, [c - first for c in centres], offsets)
+        batch = looked_at(shot, guides, [c - first for c in centres], offsets, recipe.epsilon)
         if offsets:
             self.drop_neighbours(batch.views, count, len(offsets))
         constant = lambda_maps.constants(count, self.generator)

@@ -56,8 +56,9 @@ def frames(shot: Shot, guides: Guides = ALL_GUIDES, epsilon: float = 0.05, valid
     with_albedo, with_normal, with_depth = (share(guide) for guide in (guides.albedo, guides.normal, guides.depth))
     albedo = shot.albedo.clamp(0, 1)
     modulation = (albedo + epsilon) * with_albedo + (1.0 - with_albedo)
-    colour = shot.colour.clamp_min(0) / modulation
-    exposures = exposure(shot.colour, valid)
+    light = shot.colour.clamp_min(0)
+    colour = light / modulation
+    exposures = exposure(light, valid)
     front = torch.where((shot.depth > 0) & (shot.depth < 1e9), shot.depth, 0.0)
     depth = front * depth_scale(shot.depth, valid)[..., None, None, None] * with_depth
     seen = (colour * exposures[..., None, None, None]).clamp(max=BRIGHTEST)

@@ -98,10 +98,23 @@ def is_held(path: Path) -> bool:
 
 
 def shot_paths(folders: Sequence[Path]) -> list[Path]:
-    return sorted((path for folder in folders for path in folder.glob("[0-9]*.npz") if path.stem.isdigit()), key=lambda p: p.stem)
+    """The shots of some folders, by seed; one that is in several of them once, of the last."""
+    found = {path.stem: path for folder in folders for path in folder.glob("[0-9]*.npz") if path.stem.isdigit()}
+    return [found[seed] for seed in sorted(found)]
 
 
-def read_split(folders: Sequence[Path]) -> tuple[list[Shot], list[Shot]]:
-    """Training shots and validation shots of some folders."""
-    paths = shot_paths(folders)
-    return [read_shot(p) for p in paths if not is_held(p)], [read_shot(p) for p in paths if is_held(p)]
+def held_paths(folders: Sequence[Path]) -> list[Path]:
+    """The validation shots of some folders.
+
+    Raises:
+        SystemExit: There are none.
+    """
+    found = [path for path in shot_paths(folders) if is_held(path)]
+    if not found:
+        raise SystemExit(f"no validation shots in {', '.join(map(str, folders))}: NNNNNN.npz with seeds divisible by 8")
+    return found
+
+
+def read_held(folders: Sequence[Path]) -> list[Shot]:
+    """The validation shots of some folders, read; as `held_paths`."""
+    return [read_shot(path) for path in held_paths(folders)]

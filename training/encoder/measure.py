@@ -2,7 +2,7 @@
 
     python -m training.encoder.measure --weights models/hush.safetensors --shots runs/mitsuba
 
-SMAPE and relMSE of the middle frames at λ 1, as `training.network.measure` computes them; a table on standard output.
+SMAPE and relMSE of the middle frames at λ 1, with the means of benchmark/validate_hush.py; a table on standard output.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from training.benchmark import oidn
 from training.benchmark.tables import METHODS, validation_table
 from training.benchmark.validate_oidn import denoised
 from training.data.inputs import prepare
-from training.data.shots import OFFSETS, read_split
+from training.data.shots import OFFSETS, read_held
 from training.network.loss import rel_mse, smape
 from training.network.weights_file import WeightsFile
 
@@ -30,7 +30,7 @@ def main() -> None:
     p.add_argument("--threads", type=int, default=1)
     a = p.parse_args()
     torch.set_num_threads(a.threads)
-    _, held = read_split(a.shots)
+    held = read_held(a.shots)
     file = WeightsFile.read(a.weights)
     scores: dict[str, list[tuple[float, float]]] = {}
     with oidn.device(a.threads) as device:
@@ -38,7 +38,7 @@ def main() -> None:
         for shot in held:
             images: dict[str, Tensor] = {METHODS[name]: image for name, image in denoised(device, shot).items()}
             for window, offsets in ((0, ()), (2, OFFSETS)):
-                batch = {name: value[None] for name, value in prepare(shot, offsets).items()}
+                batch = {name: value[None] for name, value in prepare(shot, offsets, epsilon=file.architecture().albedo_epsilon).items()}
                 for name, net in nets.items():
                     images[f"Hush, window {window}, {name} encoder"] = net(batch, torch.ones(1))["image"][0]
             target = prepare(shot, ())

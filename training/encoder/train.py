@@ -13,6 +13,7 @@ import argparse
 import json
 import math
 import os
+import re
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,7 +24,7 @@ from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from training.data.batches import Batches, Recipe
 from training.data.resident import Resident
-from training.data.shots import Shot, read_split
+from training.data.shots import held_paths, is_held, shot_paths
 from training.network import fused
 from training.network.measure import everything, scores
 from training.network.model import Hush
@@ -64,11 +65,9 @@ class Run:
         os.replace(aside, self.folder / "checkpoint.pt")
 
 
-def train(run: Run, shots: list[Shot], a: argparse.Namespace) -> None:
+def train(run: Run, shots: Resident, a: argparse.Namespace) -> None:
     """Trains the encoder for as long as is left of `--minutes`."""
-    resident = Resident(torch.device("cpu"))
-    resident.add(shots)
-    batches = Batches(resident, Recipe(outputs=a.batch, turned=a.normals == "world"), run.step + 31)
+    batches = Batches(shots, Recipe(outputs=a.batch, epsilon=run.net.arch.albedo_epsilon, turned=a.normals == "world"), run.step + 31)
     begun, running = time.monotonic() - run.spent, None
     while (spent := time.monotonic() - begun) < a.minutes * 60:
         done = spent / (a.minutes * 60)
@@ -108,13 +107,19 @@ def main() -> None:
     p.add_argument("--bf16", action="store_true", help="convolutions in bfloat16 (fast on CPUs with AVX512-BF16)")
     p.add_argument("--fused", action="store_true", help="apply the kernels in C++ (needs g++): twice as fast")
     a = p.parse_args()
+    if not re.fullmatch("[a-z0-9_-]+", a.renderer):
+        p.error(f"--renderer {a.renderer!r} must be made of a to z, 0 to 9, - and _")
     torch.set_num_threads(a.threads)
     keep_memory()
     a.out.mkdir(parents=True, exist_ok=True)
     file = WeightsFile.read(a.weights)
     if a.renderer == file.renderers()[0]:
         raise SystemExit(f"{a.renderer} is the renderer that the whole network was trained for")
-    shots, held = read_split(a.shots)
+    shots, held = Resident(torch.device("cpu")), Resident(torch.device("cpu"))
+    held.read(held_paths(a.shots))
+    shots.read(path for path in shot_paths(a.shots) if not is_held(path))
+    if not len(shots):
+        raise SystemExit(f"no training shots in {', '.join(map(str, a.shots))}: NNNNNN.npz with seeds not divisible by 8")
     torch.manual_seed(1)
     net = file.network().to(memory_format=torch.channels_last)
     if a.fused:
@@ -127,14 +132,12 @@ def main() -> None:
     run.resume()
     train(run, shots, a)
     encoder = {k: v.to(torch.float16).contiguous() for k, v in mean.module.state_dict().items()}
-    resident = Resident(torch.device("cpu"))
-    resident.add(held)
-    measured: dict[str, object] = {"seeds": [s.seed for s in held]}
+    measured: dict[str, object] = {"seeds": held.seeds}
     for who, tensors in ((f"{file.renderers()[0]}_encoder_", file.network().encoder.state_dict()), ("", encoder)):
         net.encoder.load_state_dict({k: v.float() for k, v in tensors.items()})
-        found = scores(net, everything(resident))
+        found = scores(net, everything(held))
         measured |= {f"{who}smape_window_{window}": found[f"smape_{window}"] for window in (2, 0)}
-    training = {"steps": run.step, "seconds": round(run.spent), "seeds": [s.seed for s in shots]}
+    training = {"steps": run.step, "seconds": round(run.spent), "seeds": shots.seeds}
     file.add(a.renderer, encoder, {"training": training, "validation": measured})
     file.write(a.write or a.weights)
     print(json.dumps(measured))

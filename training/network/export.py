@@ -12,12 +12,11 @@ import json
 from pathlib import Path
 
 import torch
-from safetensors.torch import save_file
 
 from training.data.resident import Resident
-from training.data.shots import is_held, shot_paths
+from training.data.shots import held_paths
 from training.network.measure import everything, scores
-from training.network.weights_file import Trained, mean_of
+from training.network.weights_file import Trained, WeightsFile, mean_of
 
 
 def main() -> None:
@@ -35,7 +34,7 @@ def main() -> None:
     tensors = {k: v.to(torch.float16).contiguous() for k, v in mean.weights.items()}
     rounded = Trained(mean.architecture, {k: v.float() for k, v in tensors.items()})
     held = Resident(torch.device(a.device))
-    held.read(path for path in shot_paths(a.shots) if is_held(path))
+    held.read(held_paths(a.shots))
     found = scores(rounded.network().to(held.device), everything(held))
     measured = {"smape_window_2": found["smape_2"], "smape_window_0": found["smape_0"]}
     header = {
@@ -49,7 +48,7 @@ def main() -> None:
         ),
         "hush.validation": json.dumps({"seeds": held.seeds, **measured}),
     }
-    save_file(tensors, a.out, metadata=header)
+    WeightsFile(tensors, header).write(a.out)
     print(json.dumps(measured), a.out.stat().st_size, "bytes")
 
 

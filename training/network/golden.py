@@ -5,8 +5,8 @@ python -m training.network.golden tests/data
 
 from __future__ import annotations
 
+import argparse
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -149,7 +149,9 @@ def second_case(
 
 @torch.no_grad()
 def main() -> None:
-    out = Path(sys.argv[1])
+    p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p.add_argument("output", type=Path, help="folder for golden_model.safetensors and golden_cases.safetensors")
+    out: Path = p.parse_args().output
     generator = torch.Generator().manual_seed(7)
     net = random_model(generator)
     header = {"hush.architecture": json.dumps(SMALL.header(), separators=(",", ":")), "hush.training": "random"}

@@ -62,7 +62,8 @@ def scores(net: Hush, shots: Sample, windows: Sequence[tuple[int, tuple[int, ...
     """Means over the shots' middle frames at λ 1, by window: `smape_2`, `smape_0` …
 
     smape; relmse, geometric, for a few fireflies decide the other mean; blocks: SMAPE of means over 4×4 pixels, in which the references'
-    own noise counts less; half, quarter: SMAPE of the demodulated levels; flicker: of the shots with two references in a row.
+    own noise counts less; half, quarter: SMAPE of the demodulated levels; flicker: of the shots with two references in a row, over all
+    pixels: those whose way back leaves the frame count as 0, `hush eval` leaves them out.
     """
     found: dict[str, list[Tensor]] = {}
     for pool, index in shots:
@@ -72,7 +73,8 @@ def scores(net: Hush, shots: Sample, windows: Sequence[tuple[int, tuple[int, ...
             centre = pool.frames // 2
             paired = centre - 1 in pool.referenced
             for window, offsets in windows:
-                batch = looked_at(shot, ALL_GUIDES, [centre, centre - 1] if paired and offsets else [centre], offsets)
+                centres = [centre, centre - 1] if paired and offsets else [centre]
+                batch = looked_at(shot, ALL_GUIDES, centres, offsets, net.arch.albedo_epsilon)
                 with torch.autocast(whole.device.type, torch.bfloat16, enabled=bf16):
                     out = denoised(net, batch)
                 values = of_shots(out[0], batch)

@@ -15,6 +15,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from training.data.geometry import BRIGHTEST, EXTRAS, warped
+from training.network.layers import Encoder, Residual, Specialisation, code_of, residuals, silent
 from training.network.second_pass import dialled
 
 LOGIT_LIMIT = 40.0
@@ -55,64 +56,6 @@ class Architecture:
     def header(self) -> dict[str, int | float]:
         """What the weights file says; what is as in older files is left out."""
         return {k: v for k, v in asdict(self).items() if (k, v) not in (("albedo_levels", 1), ("variance", 0), ("second_pass", 0))}
-
-
-class Residual(nn.Module):
-    """x + conv(relu(conv(relu(x)))), the identity at the start of training."""
-
-    def __init__(self, channels: int) -> None:
-        super().__init__()
-        self.first = nn.Conv2d(channels, channels, 3, padding=1)
-        self.second = nn.Conv2d(channels, channels, 3, padding=1)
-        nn.init.zeros_(self.second.weight)
-        nn.init.zeros_(self.second.bias)
-
-    def forward(self, x: Tensor) -> Tensor:
-        return x + self.second(F.relu(self.first(F.relu(x))))
-
-
-def residuals(channels: int, count: int) -> nn.Sequential:
-    return nn.Sequential(*[Residual(channels) for _ in range(count)])
-
-
-class Encoder(nn.Module):
-    """Source encoder: the renderer-specific part. (N, 10, H, W) inputs to (N, features, H/2, W/2)."""
-
-    def __init__(self, arch: Architecture) -> None:
-        super().__init__()
-        self.first = nn.Conv2d(40, arch.features, 3, padding=1)
-        self.second = nn.Conv2d(arch.features, arch.features, 3, padding=1)
-        self.blocks = residuals(arch.features, arch.blocks_encoder)
-
-    def forward(self, inputs: Tensor) -> Tensor:
-        x = F.pixel_unshuffle(inputs, 2)
-        return self.blocks(self.second(F.relu(self.first(x))))
-
-
-def code_of(lam: Tensor, columns: int) -> Tensor:
-    """log2 λ / 6, (B, 1, 1, 1), of λ (B,); of a map (B, 1, H, W) its means at the resolution that has so many columns."""
-    code = torch.log2(lam.view(-1, 1, 1, 1) if lam.dim() == 1 else lam) / 6.0
-    return F.avg_pool2d(code, code.shape[-1] // columns) if code.shape[-1] > 1 else code
-
-
-class Specialisation(nn.Module):
-    """Loss specialisation: λ scales and shifts the features that feed the kernel predictors.
-
-    λ is one number for each example, (B,), or a map at full resolution, (B, 1, H, W), of which log2 is averaged over a feature's pixels.
-    """
-
-    def __init__(self, channels: int, hidden: int) -> None:
-        super().__init__()
-        self.hidden = nn.Linear(1, hidden)
-        self.scale = nn.Linear(hidden, channels)
-        self.shift = nn.Linear(hidden, channels)
-        for layer in (self.scale, self.shift):
-            nn.init.zeros_(layer.weight)
-            nn.init.zeros_(layer.bias)
-
-    def forward(self, x: Tensor, lam: Tensor) -> Tensor:
-        h = F.relu(self.hidden(code_of(lam, x.shape[-1]).movedim(1, -1)))
-        return x * (1.0 + self.scale(h)).movedim(-1, 1) + self.shift(h).movedim(-1, 1)
 
 
 def pixel_taps(image: Tensor, size: int) -> Tensor:
@@ -198,14 +141,6 @@ def down(image: Tensor, valid: Tensor) -> tuple[Tensor, Tensor]:
     return mean, (weight > 0).to(image.dtype)
 
 
-def silent(channels: int, outputs: int) -> nn.Conv2d:
-    """A 1×1 layer that predicts 0 at the start of training."""
-    layer = nn.Conv2d(channels, outputs, 1)
-    nn.init.zeros_(layer.weight)
-    nn.init.zeros_(layer.bias)
-    return layer
-
-
 def queries(channels: int, count: int) -> nn.Conv2d:
     """Predicts `count` pairs of queries, 0 at the start of training."""
     return silent(channels, QUERIES * count)
@@ -219,7 +154,7 @@ class Hush(nn.Module):
     def __init__(self, arch: Architecture | None = None) -> None:
         super().__init__()
         a = self.arch = arch or Architecture()
-        self.encoder = Encoder(a)
+        self.encoder = Encoder(a.features, a.blocks_encoder)
         self.mix_centre = nn.Conv2d(a.features, a.half, 1)
         self.mix_neighbour = nn.Conv2d(a.features + EXTRAS, a.half, 1, bias=False)
         self.mix = nn.Conv2d(a.features + a.half + a.variance * VARIANCES, a.half, 1)
@@ -286,6 +221,40 @@ class Hush(nn.Module):
         half = self.from_quarter(torch.cat((upsampled(quarter), half), 1))
         half = self.half_out(self.lambda_half(half, lam))
         return half, quarter, eighth
+
+    def filtered_albedo(
+        self,
+        albedo: Tensor,
+        masks: list[Tensor],
+        full: list[Tensor],
+        body: tuple[Tensor, Tensor],
+        hidden: tuple[Tensor | None, Tensor | None],
+    ) -> Tensor:
+        """The centre's albedo (B, 3, H, W), averaged over the frames, and over the pyramid where the architecture says so; without keys.
+
+        albedo (B, T, 3, H, W); masks: the valid pixels of each level; full: the logits of the taps at full resolution; body: the features
+        at half and quarter resolution; hidden: those of the neighbours' kernels there, None without neighbours.
+        """
+        a, t = self.arch, albedo.shape[1]
+        images = [albedo]
+        for k in range(1, a.albedo_levels):
+            images.append(down(images[-1].flatten(0, 1), masks[k - 1].flatten(0, 1))[0].unflatten(0, (-1, t)))
+        sizes = (a.albedo_taps, *[1] * (t - 1))
+
+        def level(k: int, parts: list[Tensor], coarse: tuple[Tensor, Tensor] | None) -> tuple[Tensor, Tensor]:
+            found, norm = self.average(torch.cat(parts, 1), images[k], masks[k], sizes, coarse, a.coarse_taps if coarse else 0)
+            return found, (norm > 0).float()
+
+        coarse, taps = None, a.coarse_taps**2
+        if a.albedo_levels > 1:
+            near = lambda head, of: [] if of is None else [over_neighbours(head, of).flatten(1, 2)]
+            coarse = level(2, [self.head_albedo_quarter(body[1]), *near(self.pair_albedo_quarter_head, hidden[1])], None)
+            logits = self.head_albedo_half(body[0])
+            own, below = logits[:, 4 * taps :].split((a.albedo_taps**2, taps), 1)
+            coarse = level(1, [own, *near(self.pair_albedo_half_head, hidden[0]), below], coarse)
+            full = [*full, subpixels(logits[:, : 4 * taps])]
+        filtered, found = level(0, full, coarse)
+        return torch.where(found > 0, filtered, albedo[:, 0])
 
     def encode(self, inputs: Tensor) -> Tensor:
         """(B, F, 10, H, W) inputs to (B, F, features, H/2, W/2)."""
@@ -373,28 +342,8 @@ class Hush(nn.Module):
         out_half = level(1, [half_logits[0], *near_half, half_logits[1]], half_queries, out_quarter)
         out, _ = level(0, [full[0], *near_full, full[1]], full_queries, out_half)
 
-        albedos = [(albedo, valid)]
-        for k in range(1, a.albedo_levels):
-            image, _ = down(albedos[-1][0].flatten(0, 1), images[k - 1][1].flatten(0, 1))
-            albedos.append((image.unflatten(0, (-1, t)), images[k][1]))
-        albedo_sizes = (a.albedo_taps, *[1] * (t - 1))
-
-        def albedo_level(k: int, parts: list[Tensor], coarse: tuple[Tensor, Tensor] | None) -> tuple[Tensor, Tensor]:
-            """One level of the albedo, as `level`, without keys."""
-            found, norm = self.average(torch.cat(parts, 1), *albedos[k], albedo_sizes, coarse, a.coarse_taps if coarse else 0)
-            return found, (norm > 0).float()
-
-        albedo_coarse, albedo_full = None, [full[2], *near_albedo]
-        if a.albedo_levels > 1:
-            near = [over_neighbours(self.pair_albedo_quarter_head, quarter_hidden).flatten(1, 2)] if t > 1 else []
-            albedo_coarse = albedo_level(2, [self.head_albedo_quarter(quarter), *near], None)
-            logits = self.head_albedo_half(half)
-            own, below = logits[:, 4 * n_coarse :].split((n_albedo, n_coarse), 1)
-            near = [over_neighbours(self.pair_albedo_half_head, half_hidden).flatten(1, 2)] if t > 1 else []
-            albedo_coarse = albedo_level(1, [own, *near, below], albedo_coarse)
-            albedo_full.append(subpixels(logits[:, : 4 * n_coarse]))
-        filtered, norm = albedo_level(0, albedo_full, albedo_coarse)
-        filtered = torch.where(norm > 0, filtered, albedo[:, 0])
+        masks, hidden = [mask for _, mask in images], (half_hidden, quarter_hidden)
+        filtered = self.filtered_albedo(albedo, masks, [full[2], *near_albedo], (half, quarter), hidden)
         result = {"image": out * filtered, "colour": out, "half": out_half[0], "quarter": out_quarter[0], "albedo": filtered}
         if out_eighth:
             result["eighth"] = out_eighth[0]

@@ -32,7 +32,7 @@ SHARES = Shares()
 
 def demodulated(view: View) -> Tensor:
     """The reference without its albedo, (B, 3, H, W): what the levels of the pyramid approximate."""
-    return view["reference"] / view["albedo"][:, 0].clamp_min(0.05)
+    return view["reference"] / view["albedo"][:, 0]
 
 
 def evened(lam: Tensor) -> Tensor:

@@ -85,8 +85,8 @@ def main() -> None:
     p.add_argument("--resume", type=Path, help="a checkpoint to go on from")
     p.add_argument("--chunk", type=int, default=60, help="megabytes of a piece at most")
     a = p.parse_args()
-    found = {path.stem: path for path in shot_paths(a.shots)}
-    pieces = write(a.output, list(found.values()), a.weights, a.resume, a.chunk * 1_000_000)
+    found = shot_paths(a.shots)
+    pieces = write(a.output, found, a.weights, a.resume, a.chunk * 1_000_000)
     print(f"{len(found)} shots, {pieces} pieces in {a.output}")
 
 

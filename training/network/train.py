@@ -214,7 +214,7 @@ def main() -> None:
     print(f"{len(run.shots)} shots, {len(run.held)} for validation, read in {clock.spent:.1f} s", flush=True)
     recipe = Recipe(
         outputs=a.batch, crop=a.crop, alone=a.alone, paired=a.paired, composed=a.composed, lambda_maps=a.lambda_maps,
-        farther=0.0 if a.compile else Recipe.farther,
+        farther=0.0 if a.compile else Recipe.farther, epsilon=net.arch.albedo_epsilon,
     )  # fmt: skip
     shares = Shares(temporal=a.temporal, fireflies=a.fireflies)
     train(run, Trainer(run, recipe, shares, a), a)

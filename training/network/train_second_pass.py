@@ -23,8 +23,9 @@ from training.data.inputs import frames, of_frames, path, view
 from training.data.lambda_maps import LAMBDA_MAX, ORDINARY
 from training.data.shots import Shot, is_held, read_shot, shot_paths
 from training.network import fused
+from training.network.layers import code_of
 from training.network.loss import asymmetric, by_pixel, fireflies, flicker, rel_mse, smape
-from training.network.model import Hush, code_of
+from training.network.model import Hush
 from training.network.objective import SHARES, evened
 from training.network.second_pass import dialled, difference, weights
 from training.network.weights_file import WeightsFile, begin_from

@@ -1,4 +1,4 @@
-"""What a third of the training shots have on purpose, as random things alone rarely bring it; each by its name."""
+"""What two in five training shots have on purpose, as random things alone rarely bring it; each by its name."""
 
 from __future__ import annotations
 

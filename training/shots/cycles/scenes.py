@@ -1,4 +1,4 @@
-"""Random Cycles shots for training a denoiser: one seed, one shot (bpy 4.5 and 5)."""
+"""Random Cycles shots for training a denoiser: one seed, one shot (bpy 5.0 and 5.2)."""
 
 from __future__ import annotations
 
