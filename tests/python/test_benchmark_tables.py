@@ -125,6 +125,23 @@ def test_the_standard_error_is_how_far_the_mean_scatters() -> None:
     assert math.sqrt(sum(t * t for t in told) / len(told)) == pytest.approx(spread, rel=0.1)
 
 
+def test_noise_that_all_numbers_of_samples_share_is_not_taken_for_independent() -> None:
+    """The references of a shot are the same at all of them."""
+    draw, found, told = random.Random(3), [], []
+    of = lambda r: tables.averaged(r, tables.PEER, "unbiased_relmse", ["a", "b"], [4, 32])
+    for _ in range(400):
+        made = {}
+        for shot in ("a", "b"):
+            shared = [draw.gauss(0, 0.02) for _ in range(8)]
+            for spp in (4, 32):
+                made[shot, spp] = {tables.PEER: {"unbiased_relmse": [0.1 + s + draw.gauss(0, 0.005) for s in shared]}}
+        found.append(of(made))
+        told.append(tables.standard_error(of, made, "unbiased_relmse"))
+    middle = sum(found) / len(found)
+    spread = math.sqrt(sum((value - middle) ** 2 for value in found) / (len(found) - 1))
+    assert math.sqrt(sum(t * t for t in told) / len(told)) == pytest.approx(spread, rel=0.1)
+
+
 def test_changes_that_share_a_frame_make_the_error_larger() -> None:
     """The mean of squared differences of independent numbers scatters more than if the differences were independent."""
     draw, found, told = random.Random(2), [], []

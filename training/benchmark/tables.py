@@ -78,32 +78,35 @@ def ratio(results: Results, method: str, metric: str, shots: Sequence[str], spp:
     return ours / theirs if ours is not None and theirs is not None and theirs > 0 else None
 
 
-def without(results: Results, take: tuple[str, int], index: int) -> Results:
-    """The results without one frame of a take, in all methods."""
-    cut = {name: {m: [*by[:index], *by[index + 1 :]] for m, by in scores.items()} for name, scores in results[take].items()}
-    return {**results, take: cut}
+def without(results: Results, takes: Sequence[tuple[str, int]], index: int) -> Results:
+    """The results without one frame of some takes, in all methods."""
+    cut = lambda scores: {m: [*by[:index], *by[index + 1 :]] for m, by in scores.items()}
+    return {**results, **{take: {name: cut(scores) for name, scores in results[take].items()} for take in takes}}
 
 
 def standard_error(statistic: Callable[[Results], float | None], results: Results, metric: str) -> float | None:
-    """Of a statistic of one metric, by the jackknife: each frame of each take is left out in turn, in all methods at once, so that
-    what two methods share does not count. Each frame of each pass has noise of its own, so this holds the noise of the references, that
-    of the rendered frames, and the differences between frames; not those between shots. None where a take that has the metric has it
-    in one frame only.
+    """Of a statistic of one metric, by the jackknife: each frame of each shot is left out in turn, in all methods and at all numbers of
+    samples at once, so that what these share does not count twice: the reference's noise and what the frame shows. Each frame of each
+    pass has noise of its own, so this holds the noise of the references, that of the rendered frames, and the differences between
+    frames; not those between shots. None where a shot that has the metric has it in one frame only.
     """
-    variance = 0.0
-    takes = {take: [i for i, v in enumerate(methods[PEER].get(metric, [])) if v is not None] for take, methods in results.items()}
-    for take, there in takes.items():
-        if not there:
+    variance, measured = 0.0, False
+    for shot in dict.fromkeys(shot for shot, _ in results):
+        takes = [take for take in results if take[0] == shot]
+        there = [[i for i, v in enumerate(results[take][PEER].get(metric, [])) if v is not None] for take in takes]
+        frames = sorted(set.intersection(*map(set, there)))
+        if not any(there):
             continue
-        found = [statistic(without(results, take, i)) for i in there]
+        measured = True
+        found = [statistic(without(results, takes, i)) for i in frames]
         numbers = [value for value in found if value is not None]
-        if len(there) < 2 or len(numbers) < len(there):
+        if len(frames) < 2 or len(numbers) < len(frames):
             return None
         count, middle = len(numbers), sum(numbers) / len(numbers)
         # Two changes in a row share a frame: ¼ of their variance, as for differences of independent numbers.
         shared = 1 + (count - 1) / (2 * count) if metric == "unbiased_flicker" else 1.0
         variance += shared * (count - 1) / count * sum((value - middle) ** 2 for value in numbers)
-    return math.sqrt(variance) if any(takes.values()) else None
+    return math.sqrt(variance) if measured else None
 
 
 def chosen(results: Results, shots: Sequence[str], spp: Sequence[int]) -> Results:
