@@ -40,7 +40,7 @@ def turn_off(layer: bpy.types.ViewLayer, key: str) -> bool:
 
 @cache
 def rendered() -> Path:
-    """A file with sky above ground and a mirror, the environment brighter than 1. tests/data/blender_5_2.exr and blender_5_3.exr are of it."""
+    """A file with sky above ground and a mirror, the environment brighter than 1; tests/data has those of Blender 5.2 and 5.3."""
     scene = kit.build_scene()
     world = bpy.data.worlds.new("Sky")
     scene.world = world
