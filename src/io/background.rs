@@ -1,7 +1,7 @@
 //! The background in Denoising Depth as Blender 5.3 and newer write it: there it is as far as the camera's far clipping plane, as an end
 //! of the scene as any, and on edges the mean with what stands before it. Versions before had 0 or the greatest float.
 
-use ndarray::{Array2, Array3, Axis, Zip, s};
+use ndarray::{Array2, Array3, ArrayView1, Axis, Zip, s};
 
 use super::layout::Layout;
 
@@ -19,17 +19,19 @@ fn blender_version(software: &str) -> Option<(u32, u32)> {
     Some((numbers.next()?.ok()?, numbers.next()?.ok()?))
 }
 
-/// Makes the depth of the background 0: where there is no normal, as nothing was hit, at more than half of the greatest such depth, as a
-/// lamp has no normal either; and in the pixels next to it, which saw some of it.
+/// Makes the depth of the background 0: of pixels of which more than half is background, and of those next to them, which mostly saw some of
+/// it too. Where all of a pixel is, there is no normal; the greatest depth of such pixels is the background's, as a lamp has no normal
+/// either. Where half is, the normal is half as long and the depth half as great.
 pub(super) fn take_out(depth: &mut Array2<f32>, normal: &Array3<f32>) {
-    // The depth where nothing was hit, else 0.
-    let unhit = Zip::from(&*depth).and(normal.lanes(Axis(2))).par_map_collect(|z, normal| {
-        let is_unhit = z.is_finite() && normal.iter().all(|v| *v == 0.0);
-        if is_unhit { *z } else { 0.0 }
+    let length = |normal: ArrayView1<f32>| normal.iter().map(|v| v * v).sum::<f32>().sqrt();
+    // The depth where the normal is short, and the greatest where there is none.
+    let short = Zip::from(&*depth).and(normal.lanes(Axis(2))).par_map_collect(|z, normal| match length(normal) {
+        length if z.is_finite() && length < 0.5 => (*z, if length == 0.0 { *z } else { 0.0 }),
+        _ => (0.0, 0.0),
     });
-    let far = unhit.iter().copied().fold(0.0, f32::max);
+    let far = short.iter().map(|(_, unhit)| *unhit).fold(0.0, f32::max);
     let (rows, columns) = depth.dim();
-    let background = unhit.indexed_iter().filter(|(_, z)| **z > 0.5 * far);
+    let background = short.indexed_iter().filter(|(_, (z, _))| far > 0.0 && *z > 0.5 * far);
     for ((y, x), _) in background {
         let near = s![y.saturating_sub(1)..(y + 2).min(rows), x.saturating_sub(1)..(x + 2).min(columns)];
         depth.slice_mut(near).fill(0.0);
@@ -50,13 +52,14 @@ mod tests {
 
     #[test]
     fn the_sky_and_its_edge_go_and_the_rest_stays() {
-        // Sky above ground, between them a row of both; a lamp without a normal.
-        let mut depth = Array2::from_shape_fn((6, 5), |(y, _)| [1000.0, 1000.0, 400.0, 7.0, 6.0, 5.0][y]);
-        let mut normal = Array3::from_shape_fn((6, 5, 3), |(y, _, c)| if y > 1 && c == 2 { 1.0 } else { 0.0 });
-        depth[[4, 4]] = 3.0;
-        normal[[4, 4, 2]] = 0.0;
+        // Sky above ground, between them two rows of both; a lamp without a normal, and grass, whose normals are short.
+        let mut depth = Array2::from_shape_fn((7, 5), |(y, _)| [1000.0, 1000.0, 600.0, 300.0, 6.0, 5.0, 4.0][y]);
+        let mut normal =
+            Array3::from_shape_fn((7, 5, 3), |(y, _, c)| if c == 2 { [0.0, 0.0, 0.4, 0.7, 1.0, 1.0, 0.3][y] } else { 0.0 });
+        depth[[5, 4]] = 3.0;
+        normal[[5, 4, 2]] = 0.0;
         let mut expected = depth.clone();
-        expected.slice_mut(s![..3, ..]).fill(0.0);
+        expected.slice_mut(s![..4, ..]).fill(0.0);
         take_out(&mut depth, &normal);
         assert_eq!(depth, expected);
     }
