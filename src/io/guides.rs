@@ -1,13 +1,13 @@
 //! Finding the guides: albedo, normal, depth and motion vectors.
 
 use super::layout::{Layout, ViewLayer};
+use super::names::DENOISING_DEPTH;
 use super::pass_names;
 use super::resolved::{DataWindow, Missing, PassRef};
 use super::selection::{Selection, made_for_vectors};
 use super::view_layers::missing_layer;
 use crate::error::{Error, Result};
 
-pub(super) const DENOISING_DEPTH: &str = "Denoising Depth";
 const DENOISING_DATA: &str = "enable View Layer › Passes › Data › Denoising Data";
 const ALBEDO_LETTERS: &[&[&str]] = &[&["R", "G", "B"]];
 const NORMAL_LETTERS: &[&[&str]] = &[&["X", "Y", "Z"], &["R", "G", "B"]];

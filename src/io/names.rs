@@ -80,6 +80,8 @@ pub(crate) const LIGHT_PASSES: [LightPass; 12] = [
     LightPass { full: "Environment", short: "Env", colour: None, place: "Environment" },
 ];
 
+/// The depth among Blender's Denoising Data.
+pub(super) const DENOISING_DEPTH: &str = "Denoising Depth";
 /// What Blender 5.2 writes with Denoising Data beside the guides. They are no light passes.
 pub(crate) const UNUSED_GUIDES: [&str; 2] = ["Denoising Specular Albedo", "Denoising Roughness"];
 
