@@ -18,8 +18,8 @@ use crate::stability;
 /// Measures error against run time for the settings worth choosing between, and writes a page about it
 ///
 /// Windows 0 to 3, the second pass over time, skipping, lambda, and Open Image Denoise where oidnDenoise or Python's pyoidn is
-/// installed: as Cycles runs it, with guides as rendered, and fast. Each frame is denoised with each setting several times in turn. Without --reference the error is estimated from noisy frames
-/// before and after. No frames are written.
+/// installed: as Cycles runs it, with guides as rendered, and fast. Each frame is denoised with each setting several times in turn.
+/// Without --reference the error is estimated from noisy frames before and after. No frames are written.
 #[derive(Args)]
 pub(super) struct ReportArgs {
     /// A folder, a glob, a pattern such as shot/frame_####.exr or shot/frame_%04d.exr, or files; may be left out where the shot's

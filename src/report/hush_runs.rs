@@ -56,61 +56,58 @@ impl<'a> HushRuns<'a> {
         Ok(())
     }
 
-    /// Denoises a frame that was taken in.
+    /// Denoises a frame that was taken in. In a run over a shot each frame's first pass is done once, so that the time of one and of the
+    /// second pass is a frame's.
     ///
     /// # Errors
     /// It could not be read.
     pub fn run(&mut self, number: i64, setting: HushSetting) -> Result<HushRun> {
-        match setting.second_pass {
-            true => self.in_two_passes(number, setting),
-            false => self.in_one_pass(number, setting),
+        if setting.second_pass {
+            self.make_around(number, setting)?;
         }
-    }
-
-    fn in_one_pass(&self, number: i64, setting: HushSetting) -> Result<HushRun> {
         let (centre, near) = self.window(number, setting.window)?;
-        let (before, began) = (self.engine.stage_seconds(), Instant::now());
-        let (denoised, left_out) = self.engine.denoise_with(centre, &near, setting.lambda, setting.skip, SILENT)?;
-        let seconds = began.elapsed().as_secs_f64();
         let footprint = self.engine.footprint(centre, &near);
+        let (before, began) = (self.engine.stage_seconds(), Instant::now());
+        let (denoised, left_out, first) = if setting.second_pass {
+            let (first, left_out) = self.first_pass(number, setting)?;
+            (self.engine.second_pass(&first, &self.made_around(number, setting.window)), left_out, Some(first))
+        } else {
+            let (denoised, left_out) = self.engine.denoise_with(centre, &near, setting.lambda, setting.skip, SILENT)?;
+            (denoised, left_out, None)
+        };
+        let (seconds, now) = (began.elapsed().as_secs_f64(), self.engine.stage_seconds());
+        let mut window_bytes = footprint.window;
+        if let Some(mut first) = first {
+            window_bytes += first.bytes();
+            window_bytes += self.made_around(number, setting.window).iter().map(|(_, made)| made.bytes()).sum::<usize>();
+            first.averaged();
+            self.made.insert(number, first);
+        }
         Ok(HushRun {
             colour: denoised.colour,
             seconds,
-            stages: self.stages_since(before),
+            stages: std::array::from_fn(|stage| now[stage] - before[stage]),
             left_out: left_out.constant,
-            window_bytes: footprint.window,
+            window_bytes,
             tile_bytes: footprint.tile,
         })
     }
 
-    /// In a run over a shot each frame's first pass is done once, so that the time of one and of the second pass is a frame's.
-    fn in_two_passes(&mut self, number: i64, setting: HushSetting) -> Result<HushRun> {
-        let around = self.scope.around(number, setting.window);
-        for (_, n) in &around {
-            if !self.made.contains_key(n) && self.encoded.contains_key(n) {
-                let (first, _) = self.first_pass(*n, setting)?;
-                self.made.insert(*n, first);
+    /// Does the first passes around a frame that are not done.
+    fn make_around(&mut self, number: i64, setting: HushSetting) -> Result<()> {
+        for (_, n) in self.scope.around(number, setting.window) {
+            if !self.made.contains_key(&n) && self.encoded.contains_key(&n) {
+                let (first, _) = self.first_pass(n, setting)?;
+                self.made.insert(n, first);
             }
         }
-        let (before, began) = (self.engine.stage_seconds(), Instant::now());
-        let (mut first, left_out) = self.first_pass(number, setting)?;
-        let near: Vec<(i32, &FirstPass)> = around.iter().filter_map(|(offset, n)| Some((*offset, self.made.get(n)?))).collect();
-        let colour = self.engine.second_pass(&first, &near).colour;
-        let seconds = began.elapsed().as_secs_f64();
-        let stages = self.stages_since(before);
-        let kept: usize = near.iter().map(|(_, made)| made.bytes()).sum::<usize>() + first.bytes();
-        let (centre, near) = self.window(number, setting.window)?;
-        let footprint = self.engine.footprint(centre, &near);
-        first.averaged();
-        self.made.insert(number, first);
-        Ok(HushRun {
-            colour,
-            seconds,
-            stages,
-            left_out: left_out.constant,
-            window_bytes: footprint.window + kept,
-            tile_bytes: footprint.tile,
-        })
+        Ok(())
+    }
+
+    /// The results of the first pass around a frame, by offset.
+    fn made_around(&self, number: i64, window: usize) -> Vec<(i32, &FirstPass)> {
+        let around = self.scope.around(number, window).into_iter();
+        around.filter_map(|(offset, n)| Some((offset, self.made.get(&n)?))).collect()
     }
 
     fn first_pass(&self, number: i64, setting: HushSetting) -> Result<(FirstPass, LeftOut)> {
@@ -125,10 +122,5 @@ impl<'a> HushRuns<'a> {
         let near = self.scope.around(number, window);
         let near = near.into_iter().filter_map(|(offset, n)| Some((offset, self.encoded.get(&n)?))).collect();
         Ok((self.encoded.get(&number).ok_or_else(missing)?, near))
-    }
-
-    fn stages_since(&self, before: [f64; STAGES.len()]) -> [f64; STAGES.len()] {
-        let now = self.engine.stage_seconds();
-        std::array::from_fn(|stage| now[stage] - before[stage])
     }
 }

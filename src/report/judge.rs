@@ -220,13 +220,12 @@ impl<'a> Judge<'a> {
             remarks.extend(why.map(|why| format!("The error could not be estimated: {why}.")));
             let unjudged = candidates.iter().zip(&self.reaches).filter(|(_, reach)| self.distance.is_some_and(|k| **reach >= k));
             let (second, wide): (Vec<_>, Vec<_>) = unjudged.partition(|(c, _)| c.kind == CandidateKind::SecondPass);
-            if let (Some(wide), Some(_)) = (wide.iter().map(|(_, reach)| **reach).max(), &note) {
-                remarks.push(format!(
-                    "Window {wide} has no estimate: the shot is too short to leave frames outside it to judge by."
-                ));
-            }
-            if !second.is_empty() && note.is_some() {
-                remarks.push("The second pass has no estimate: it looks at the frames by which the others are judged.".into());
+            if note.is_some() {
+                remarks.extend(wide.iter().map(|(_, reach)| **reach).max().map(|wide| {
+                    format!("Window {wide} has no estimate: the shot is too short to leave frames outside it to judge by.")
+                }));
+                let why = "The second pass has no estimate: it looks at the frames by which the others are judged.";
+                remarks.extend(second.first().map(|_| why.into()));
             }
         }
         (note, checks.collect(), remarks)

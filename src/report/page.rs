@@ -265,8 +265,8 @@ fn method(report: &Report) -> Markup {
                 Basis::Reference => { "SMAPE, relMSE and flicker are those of " code { "hush eval" } "." }
                 Basis::Estimate => { "With a reference the page shows errors instead of an estimate." }
             }
-            " Each setting differs from the default in what its name says: " em { "window" } ", frames on each side; " em { "second pass" } ", each result averaged with those around it; " em { "no skipping" }
-            ", nothing left out; " em { "λ" } ", the dial, 1 by default."
+            " Each setting differs from the default in what its name says: " em { "window" } ", frames on each side; " em { "second pass" }
+            ", each result averaged with those around it; " em { "no skipping" } ", nothing left out; " em { "λ" } ", the dial, 1 by default."
         }
         @if report.rows_by_setting.iter().any(|r| r.candidate.kind == CandidateKind::Oidn) {
             p {
