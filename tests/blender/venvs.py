@@ -1,4 +1,7 @@
-"""Blender as a Python module for each version that is tested: a virtual environment each, made once and kept."""
+"""Blender as a Python module for each version that is tested: a virtual environment each, made once and kept.
+
+sudo python3 tests/blender/venvs.py installs the system's libraries that they want.
+"""
 
 from __future__ import annotations
 
@@ -112,3 +115,7 @@ def python_with_blender(name: str, folder: Path) -> Path:
     if result.returncode:
         raise Unavailable(f"Blender {version.bpy} does not start:\n{result.stderr}")
     return python
+
+
+if __name__ == "__main__":
+    install_libraries()
