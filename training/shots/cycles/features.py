@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import bpy
 from mathutils import Vector
 
 from training.shots.cycles import hair, volumes, water
-from training.shots.cycles.assets import Assets
+from training.shots.cycles.built import Built
 from training.shots.cycles.materials import colour, material
-from training.shots.cycles.meshes import lettering
-from training.shots.cycles.motion import animate, flicker, keyed
+from training.shots.cycles.motion import animate, flicker
+from training.shots.cycles.signs import bulbs, lit_wall, signs
+from training.shots.cycles.trees import trees
 
 SHARE = 0.4  # of the shots that have one
 SECOND = 0.25  # of those that have another
@@ -27,46 +27,15 @@ WEIGHTS = {
     "skin": 1.0,
     "leaves": 1.0,
     "signs": 2.0,
+    "lit wall": 1.0,
+    "trees": 2.0,
     "flicker": 1.0,
     "bokeh": 2.0,
     "film": 1.0,
     "motion blur": 2.0,
 }
+OUTDOORS = {"film", "trees"}  # seen in part before nothing but the world
 VECTOR_LAYER = "Hush Vectors"
-
-
-@dataclass
-class Built:
-    """A shot so far: its generator, kind, size in units, things and lamps; how far from the camera its target is, and the travel there
-    that makes a pixel a frame."""
-
-    r: random.Random
-    scene: bpy.types.Scene
-    kind: str
-    size: float
-    assets: Assets
-    things: list[bpy.types.Object]
-    lights: list[bpy.types.Object]
-    distance: float
-    step: float
-
-    def place(self, low: float, high: float) -> Vector:
-        """Somewhere in the picture, between these shares of the target's distance, not below the ground."""
-        eye = self.scene.camera
-        reach = 0.75 * 18 / eye.data.lens
-        way = Vector((self.r.uniform(-reach, reach), self.r.uniform(-reach, reach), -1)) * self.distance * self.r.uniform(low, high)
-        where = eye.location + eye.rotation_quaternion @ way
-        where.z = max(where.z, 0.02 * self.size)
-        return where
-
-    def seen(self) -> list[bpy.types.Object]:
-        """The meshes among the things whose middle is in the picture; all meshes where none is."""
-        eye = self.scene.camera
-        reach = 18 / eye.data.lens
-        meshes = [thing for thing in self.things if thing.type == "MESH" and len(thing.data.polygons) > 0]
-        inside = lambda p: p.z < 0 and max(abs(p.x), abs(p.y)) < -p.z * reach
-        turned = eye.rotation_quaternion.inverted()
-        return [thing for thing in meshes if inside(turned @ (thing.location - eye.location))] or meshes
 
 
 def drawn(r: random.Random) -> list[str]:
@@ -215,60 +184,6 @@ def leaves(shot: Built) -> None:
             animate(bush, [0, 0, 0], [r.gauss(0, 0.01) for _ in range(3)])
 
 
-def glowing(r: random.Random, strength: float) -> bpy.types.Material:
-    made = bpy.data.materials.new("glow")
-    made.use_nodes = True
-    inputs = made.node_tree.nodes["Principled BSDF"].inputs
-    inputs["Base Color"].default_value = (0, 0, 0, 1)
-    inputs["Emission Color"].default_value = colour(r, 0.8, 1.0, r.random() * 0.9)
-    inputs["Emission Strength"].default_value = strength
-    return made
-
-
-def bulbs(shot: Built, count: int, strength: tuple[float, float], depth: tuple[float, float]) -> None:
-    """Small glowing balls in the picture; strength as its logarithm's range, depth in shares of the target's distance."""
-    r = shot.r
-    for _ in range(count):
-        radius = shot.distance * math.exp(r.uniform(-5.5, -4.2))
-        bpy.ops.mesh.primitive_uv_sphere_add(segments=16, ring_count=8, radius=radius, location=shot.place(*depth))
-        bpy.context.object.data.materials.append(glowing(r, math.exp(r.uniform(*strength))))
-
-
-def dimmed(r: random.Random, full: float) -> Callable[[int], float]:
-    """Another strength for every frame."""
-    return lambda _: full * r.uniform(0.3, 1)
-
-
-def signs(shot: Built) -> None:
-    """Glowing letters, neon tubes and small bright lamps; a third of them flicker."""
-    r = shot.r
-    for _ in range(r.randint(1, 3)):
-        if r.random() < 0.6:
-            lettering(r)
-            sign = bpy.context.object
-        else:
-            curve = bpy.data.curves.new("tube", "CURVE")
-            curve.dimensions, curve.bevel_depth = "3D", r.uniform(0.02, 0.05)
-            spline = curve.splines.new("BEZIER")
-            spline.bezier_points.add(r.randint(2, 5))
-            for point in spline.bezier_points:
-                point.co = (r.uniform(-1, 1), r.uniform(-0.1, 0.1), r.uniform(-0.7, 0.7))
-                point.handle_left_type = point.handle_right_type = "AUTO"
-            sign = bpy.data.objects.new("tube", curve)
-            shot.scene.collection.objects.link(sign)
-        sign.scale = [shot.distance * r.uniform(0.06, 0.16)] * 3
-        sign.location = shot.place(0.6, 1.2)
-        facing = (shot.scene.camera.location - sign.location).to_track_quat("-Y", "Z").to_euler().z
-        sign.rotation_euler = (math.pi / 2 if sign.type == "FONT" else 0, 0, facing + r.gauss(0, 0.5))
-        glow = glowing(r, math.exp(r.uniform(0.5, 3.5)))
-        sign.data.materials.append(glow)
-        if r.random() < 0.33:
-            strength = glow.node_tree.nodes["Principled BSDF"].inputs["Emission Strength"]
-            full = strength.default_value
-            keyed(strength, "default_value", dimmed(r, full))
-    bulbs(shot, r.randint(2, 9), (3, 6.5), (0.5, 1.3))
-
-
 def flickering(shot: Built) -> None:
     """The lamps change their brightness from frame to frame."""
     for light in shot.lights:
@@ -326,6 +241,8 @@ FEATURES: dict[str, tuple[Callable[[Built], object], ...]] = {
     "skin": (skin,),
     "leaves": (leaves,),
     "signs": (signs,),
+    "lit wall": (lit_wall,),
+    "trees": (trees,),
     "flicker": (flickering,),
     "bokeh": (bokeh,),
     "film": (film,),

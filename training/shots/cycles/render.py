@@ -1,6 +1,6 @@
 """Renders random training shots with Cycles: OUT/SEED.npz, noisy takes of seven frames and references for the middle two.
 
-    python -m training.shots.cycles.render runs/shots --first 50000 --count 200 --assets runs/assets
+    python -m training.shots.cycles.render runs/shots --first 70000 --count 200 --assets runs/assets
 
 Wants bpy 5.0 or 5.2 from PyPI, numpy and OpenEXR. The assets are the CC0 HDRIs, models and normal maps of the npm package
 @pmndrs/assets, base64 in .js files: `training.shots.cycles.fetch_assets` fetches and decodes them. Without them it works too, but
@@ -35,7 +35,7 @@ def rendered(settings: Settings, job: str) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("output", type=Path, help="folder for the shots")
-    parser.add_argument("--first", type=int, default=50000, help="first seed")
+    parser.add_argument("--first", type=int, default=70000, help="first seed")
     parser.add_argument("--count", type=int, default=1, help="how many seeds")
     parser.add_argument("--every", type=int, default=1, help="of those only the multiples of this; 8: only validation shots")
     parser.add_argument("--takes", type=int, default=3, help="noisy takes of each frame, each with its own seeds and samples")

@@ -12,6 +12,7 @@ from mathutils import Vector
 
 from training.shots.cycles import features
 from training.shots.cycles.assets import Assets
+from training.shots.cycles.built import Built
 from training.shots.cycles.lights import environment, lamps
 from training.shots.cycles.materials import material
 from training.shots.cycles.meshes import mesh
@@ -130,7 +131,7 @@ def build(seed: int, assets: Assets, pixels: int = 128) -> tuple[random.Random, 
     scene.render.engine = "CYCLES"
     scene.frame_set(MIDDLE)
     wanted = features.drawn(r)
-    kind = r.choices(["studio", "room", "outdoor", "clutter"], [0.3, 0.0 if "film" in wanted else 0.3, 0.2, 0.2])[0]
+    kind = r.choices(["studio", "room", "outdoor", "clutter"], [0.3, 0.0 if features.OUTDOORS.intersection(wanted) else 0.3, 0.2, 0.2])[0]
     size, background = environment(r, scene, kind, assets)
     if kind == "room":
         room(r, size, assets)
@@ -149,7 +150,7 @@ def build(seed: int, assets: Assets, pixels: int = 128) -> tuple[random.Random, 
     distance = (target - eye.location).length
     step = distance * 36 / eye.data.lens / pixels
     settings(r, scene)
-    features.add(features.Built(r, scene, kind, size, assets, made, lights, distance, step), wanted)
+    features.add(Built(r, scene, kind, size, assets, made, lights, distance, step), wanted)
     motion = move_camera(r, eye, way, step)
     if r.random() < 0.65 or motion == "static":
         for thing in r.sample(made, min(len(made), r.randint(1, 5))):
