@@ -4,6 +4,7 @@
 
 import itertools
 import os
+import shutil
 import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -101,6 +102,8 @@ def _refuse(scene: bpy.types.Scene) -> None:
     unsaved = _unsaved_images(scene)
     if unsaved:
         raise Refusal(messages.text("composite_unsaved", images=" and ".join(unsaved)))
+    if scene.hush.composite_folder.startswith("//") and not bpy.data.is_saved:
+        raise Refusal(messages.text("save"))
     target = folder(scene)
     taken = {pattern.parent for pattern in shot.frame_patterns(scene)} | {shot.output_folder(scene)}
     if any(target.resolve() == other.resolve() for other in taken):
@@ -129,7 +132,7 @@ def _nodes(scene: bpy.types.Scene) -> tuple[dict[str, dict[str, Any]], list[_Sou
             scenes += [source] if source not in scenes else []
             layer = shown[1] or (layers[0] if layers else "")
             found[kinds.key(tree, each)] = {"source": scenes.index(source), "layer": layer}
-        elif kinds.shows_renders(each, scene) and scene not in scenes:
+        elif (kinds.shows_renders(each, scene) or each == compat.render_input(tree, scene)) and scene not in scenes:
             scenes.append(scene)
     return found, [_source(each) for each in scenes or [scene]]
 
@@ -213,10 +216,5 @@ def save_copy(scene: bpy.types.Scene, *, scripts: bool) -> Path:
 
 def remove_copy(blend: Path) -> None:
     """Takes the copy and its folder away."""
-    for each in blend.parent.glob("*"):
-        each.unlink(missing_ok=True)
-    try:
-        blend.parent.rmdir()
-    except OSError:
-        # It is gone, or not ours alone; Blender empties its folder for such files when it ends.
-        pass
+    # What cannot be removed stays; Blender empties its folder for such files when it ends.
+    shutil.rmtree(blend.parent, ignore_errors=True)

@@ -12,6 +12,7 @@ import bpy
 
 from .. import compat, exr, messages
 from ..nodes import kinds
+from .render_input import RenderInput
 
 _FILE_OUTPUT = "CompositorNodeOutputFile"
 _IMAGE_NAMES = ("Combined", "Image")
@@ -55,7 +56,15 @@ class Stage:
         self._images: list[bpy.types.Image] = []
         self._sources = {source["scene"]: number for number, source in enumerate(work["sources"])}
         self._set_output()
-        self._build(compat.own_compositor_tree(scene), set())
+        seen: set[bpy.types.NodeTree] = set()
+        for tree in compat.own_compositor_trees(scene):
+            self._build(tree, seen)
+        self._render_input = self._replace_render_input() if RenderInput.is_in(scene) else None
+
+    @property
+    def moves(self) -> bool:
+        """Whether the scene must be at a frame before `turn_to`."""
+        return self._render_input is not None and self._render_input.moves
 
     def turn_to(self, files: list[Files], view: str) -> None:
         """Shows the files of a frame, of each of the job's sources.
@@ -64,6 +73,8 @@ class Stage:
             FrameError: Blender does not read a file, or it lacks what the compositor shows.
         """
         self._scene.render.filepath = self._path + (self._scene.render.views[view].file_suffix if view else "")
+        if self._render_input is not None:
+            self._render_input.update()
         old, self._images = self._images, []
         loaded: dict[Path, bpy.types.Image] = {}
         for path in dict.fromkeys(path for each in files for path in (each.layers, each.denoised)):
@@ -199,10 +210,21 @@ class Stage:
         else:
             tree.nodes.remove(feed.node)
 
+    def _replace_render_input(self) -> RenderInput:
+        """Gives the first tree the image of a file, where Blender gives it the render."""
+        made, source = RenderInput(self._scene), self._source_of(None)
+        if made.socket is not None and source is not None:
+            image = made.tree.nodes.new("CompositorNodeImage")
+            layer = self._scene.view_layers[0].name
+            target = ("Image", made.socket.node.name, made.socket.identifier, False)
+            self._feeds.append(_Feed(made.tree, image, source, layer, denoised=False, targets=[target]))
+        return made
+
     def _guard_output(self, each: bpy.types.Node) -> None:
         """A File Output node writes where it did, but never over the frames that the composite is made from."""
-        compat.set_folder(each, lambda path: kinds.absolute(path, self._work["origin"]))
-        if any(path in self._work["protected"] or os.path.normpath(path) in self._work["protected"] for path in compat.written_by(each)):
+        origin, protected = self._work["origin"], self._work["protected"]
+        compat.set_folder(each, lambda path: compat.with_folder(kinds.absolute(path, origin), origin))
+        if any(os.path.normpath(compat.filled_in(path, self._scene, each)) in protected for path in compat.written_by(each)):
             each.mute = True
             self._tell("composite_outputs", node=each.name)
 
