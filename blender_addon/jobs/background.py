@@ -56,7 +56,7 @@ class JobOperator(SceneOperator):
         finally:
             self._job.close()
             context.window_manager.progress_end()
-        return self._finish()
+        return self._finish(in_script=True)
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """Does the work in the background."""
@@ -128,8 +128,11 @@ class JobOperator(SceneOperator):
             if workspace.name in self._told_in:
                 workspace.status_text_set(None)
 
-    def _finish(self) -> set[str]:
+    def _finish(self, *, in_script: bool = False) -> set[str]:
         result, reports = self._outcome()
+        if in_script and result != "FINISHED":
+            # Also where Ctrl-C stopped it: what comes next in the script must not take it for done.
+            reports = [*reports[:-1], ("ERROR", reports[-1][1])]
         if not bpy.app.background:
             refresh.redraw()
         for level, text in reports:

@@ -137,6 +137,7 @@ class HUSH_OT_preview_frame(background.JobOperator, bpy.types.Operator):
                 time.sleep(background.TICK / 4)
         except KeyboardInterrupt:
             self._drop()
+            self.report({"ERROR"}, messages.text("preview_stopped"))
             return {"CANCELLED"}
         return self._finish()
 
