@@ -9,7 +9,6 @@ import bpy
 from . import messages, refresh, shot, status
 from .checks import check
 from .denoising import denoise
-from .messages import Refusal
 from .nodes import node
 
 # A letter's width in the interface's own units, a little generous.
@@ -98,12 +97,7 @@ class RENDER_PT_hush_folders(_HushPanel, bpy.types.Panel):
         layout.prop(scene.hush, "composite_folder")
         layout.prop(scene.hush, "composite_format")
         column = layout.column(align=True)
-        try:
-            lines = [messages.text("frames_from", path=path) for path in shot.frame_patterns(scene)]
-            lines.append(messages.text("frames_to", path=shot.output_folder(scene)))
-        except Refusal as error:
-            lines = [str(error)]
-        for line in lines:
+        for line in refresh.folders(scene):
             _paragraph(column, line, _width(context))
 
 

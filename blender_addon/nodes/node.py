@@ -65,7 +65,7 @@ def sync(*scenes: bpy.types.Scene) -> None:
 
 def settings_changed() -> bool:
     """Whether a scene has other settings than when its frame was shown; without a look at the disk."""
-    for tree in _local_trees():
+    for tree in _local_trees() if _shown_with else ():
         name, then = _shown_with.get(tree.session_uid, ("", None)) if is_on(tree) else ("", None)
         if then is not None and (name not in bpy.data.scenes or _settings(bpy.data.scenes[name]) != then):
             return True
