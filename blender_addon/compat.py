@@ -16,6 +16,8 @@ READS_VIEWS_OF_ONE_FILE = not BLENDER_5
 MUTED_STRIPS_COUNT = bpy.app.version < (4, 5, 0)
 # Blender 5.3 has a row of compositor trees in a scene: the first gets the image of its first view layer, each other the one before's.
 HAS_EFFECTS = "compositor_effects" in bpy.types.Scene.bl_rna.properties
+# Whether Blender fills in what stands in curly brackets in output paths.
+TEMPLATES = bpy.app.version >= (4, 5)
 ADD_MENU = "NODE_MT_compositor_node_add_all"
 # What lets a path of an add-on start with // in the file browser and its field; before Blender 5 every path may.
 RELATIVE_PATH = {"PATH_SUPPORTS_BLEND_RELATIVE"} if "is_path_supports_blend_relative" in bpy.types.Property.bl_rna.properties else set()
@@ -107,10 +109,19 @@ def working_space() -> str:
     return getattr(space, "working_space", "") or "Linear Rec.709"
 
 
-def use_working_space(image: bpy.types.Image) -> None:
-    """Says that an image's pixels are in the colour space that renders are in."""
+def file_space(scene: bpy.types.Scene) -> str:
+    """The colour space of the EXR files that a scene renders: the one renders are in, unless Output › Color Management says another."""
+    settings = scene.render.image_settings
+    if settings.color_management == "OVERRIDE" and settings.file_format.startswith("OPEN_EXR"):
+        return settings.linear_colorspace_settings.name
+    return working_space()
+
+
+def use_space(image: bpy.types.Image, name: str) -> None:
+    """Says which colour space an image's pixels are in, if that is not said already."""
     try:
-        image.colorspace_settings.name = working_space()
+        if image.colorspace_settings.name != name:
+            image.colorspace_settings.name = name
     except TypeError:
         # A colour configuration without that name: no conversion at all is the same here.
         image.colorspace_settings.is_data = True
@@ -154,17 +165,17 @@ def own_compositor_trees(scene: bpy.types.Scene) -> list[bpy.types.NodeTree]:
 
 def without_templates(path: str) -> str:
     """An output path whose curly brackets mean themselves; newer Blenders fill in what stands between them."""
-    return path.replace("{", "{{").replace("}", "}}") if bpy.app.version >= (4, 5) else path
+    return path.replace("{", "{{").replace("}", "}}") if TEMPLATES else path
 
 
 def with_folder(path: str, folder: str) -> str:
-    """An output path that says of itself which folder the .blend is in, where Blender 5 would fill in `{blend_dir}`."""
-    return re.sub(r"(?<!\{)\{blend_dir\}", lambda _: without_templates(folder), path) if BLENDER_5 else path
+    """An output path that says of itself which folder the .blend is in, where Blender would fill in `{blend_dir}`."""
+    return re.sub(r"(?<!\{)\{blend_dir\}", lambda _: without_templates(folder), path) if TEMPLATES else path
 
 
 def filled_in(path: str, scene: bpy.types.Scene, node: bpy.types.Node) -> str:
     """A path of a File Output node with its templates filled in. Changes the output path of the scene."""
-    if "{" not in path or bpy.app.version < (4, 5):
+    if "{" not in path or not TEMPLATES:
         return path
     scene.render.filepath = path.replace("{node_name}", without_templates(node.name)) + "####"
     try:

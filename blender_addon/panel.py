@@ -15,7 +15,7 @@ from .nodes import node
 _LETTER = 6.5
 # Where a problem is drawn, by its key; all others belong to preparing.
 _STEP_OF = {
-    **dict.fromkeys(("frames", "older", "lossy", "first_frame"), 2),
+    **dict.fromkeys(("frames", "older", "lossy", "first_frame", "render_folder"), 2),
     **dict.fromkeys(("folder", "space", "library", "lambda", "lambda_mask", "stale", "failed"), 3),
     **dict.fromkeys(("node", "stereo"), 4),
 }

@@ -25,11 +25,15 @@ def file_problems(scene: bpy.types.Scene, patterns: list[Path], output: Path, fr
         hush = None
     if any(pattern.parent == output for pattern in patterns):
         yield problem("folder", "folder_same", ERROR, folder=output)
-    for folder in dict.fromkeys([patterns[0].parent, output]):
-        wrong = why_not_writable(folder, write=write)
-        if wrong and (folder == output or not scene.hush.input_folder):
-            yield Problem("folder", wrong, level=ERROR)
+    wrong = why_not_writable(output, write=write)
+    if wrong:
+        yield Problem("folder", wrong, level=ERROR)
     present, missing = _rendered(patterns, frames)
+    # Frames that are all there need only be read.
+    if missing and patterns[0].parent != output and not scene.hush.input_folder:
+        wrong = why_not_writable(patterns[0].parent, write=write)
+        if wrong:
+            yield Problem("render_folder", wrong, level=ERROR)
     if not frames:
         yield problem("frames", "range_empty", ERROR)
     elif not present:

@@ -46,7 +46,13 @@ class _Source:
     def work(self) -> dict[str, Any]:
         # A linked scene may have the same name, which is all that a file says.
         others = sorted({scene.name for scene in bpy.data.scenes} - {self.scene.name})
-        return {"scene": self.scene.name_full, "views": self.views, "size": shot.render_size(self.scene), "others": others}
+        return {
+            "scene": self.scene.name_full,
+            "views": self.views,
+            "size": shot.render_size(self.scene),
+            "others": others,
+            "space": compat.file_space(self.scene),
+        }
 
 
 def folder(scene: bpy.types.Scene) -> Path:

@@ -77,8 +77,10 @@ class Stage:
             self._render_input.update()
         old, self._images = self._images, []
         loaded: dict[Path, bpy.types.Image] = {}
-        for path in dict.fromkeys(path for each in files for path in (each.layers, each.denoised)):
-            loaded[path] = self._load(path)
+        for each, source in zip(files, self._work["sources"], strict=True):
+            for path in (each.layers, each.denoised):
+                if path not in loaded:
+                    loaded[path] = self._load(path, source["space"])
         for feed in self._feeds:
             path = files[feed.source].denoised if feed.denoised else files[feed.source].layers
             self._show(feed, loaded[path], path)
@@ -91,14 +93,14 @@ class Stage:
         for image in old:
             bpy.data.images.remove(image)
 
-    def _load(self, path: Path) -> bpy.types.Image:
+    def _load(self, path: Path, space: str) -> bpy.types.Image:
         try:
             image = bpy.data.images.load(str(path))
         except RuntimeError as error:
             raise FrameError(f"{path.name} does not load: {messages.of_error(error)}") from None
         self._images.append(image)
         image.use_multiview = self._work["views_in_one_file"]
-        compat.use_working_space(image)
+        compat.use_space(image, space)
         # Of files with layers Blender tells no size; that they have the right one was looked up before, in their headers.
         wanted, size = exr.size_if_whole(path), tuple(image.size)
         if wanted is None or (image.type != "MULTILAYER" and size != wanted):

@@ -294,3 +294,14 @@ def test_what_is_left_in_the_folder_of_the_copy_is_no_trouble() -> None:
     (place / "shot.blend").write_text("x")
     contents.remove_copy(place / "shot.blend")
     assert not place.exists()
+
+
+def test_files_in_another_colour_space() -> None:
+    """Output › Color Management: the frames are read in the space they were written in, and the composite is written in it again."""
+    scene, folder = denoised_scene("space", frames=1)
+    tree_of(scene, node=True)
+    settings = scene.render.image_settings
+    settings.color_management, settings.linear_colorspace_settings.name = "OVERRIDE", "ACEScg"
+    assert untouched() == {"FINISHED"}
+    name = "frame_0001.exr"
+    kit.assert_close(plain(folder / "composited" / name)[..., :3], combined(folder / "denoised" / name)[..., :3], HALF, name)

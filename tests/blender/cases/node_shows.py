@@ -180,3 +180,16 @@ def test_a_damaged_inside_passes_through_and_is_mended() -> None:
         assert bpy.ops.hush.fix(**found.fix[1]) == {"FINISHED"}
         assert not any(problem.key == "node" for problem in check.problems(scene, fresh=True)), what
         frames.assert_same(frames.shown(scene, 2), frames.denoised(shot, 2), what)
+
+
+def test_files_in_another_colour_space() -> None:
+    """Output › Color Management: they are read in the space they were written in; what is rendered here is written in it again."""
+    shot, scene, tree = prepared("space")
+    node = kit.module("nodes.node")
+    frames.shown(scene, 2)
+    assert not node.settings_changed()
+    settings = scene.render.image_settings
+    settings.color_management, settings.linear_colorspace_settings.name = "OVERRIDE", "ACEScg"
+    assert node.settings_changed()
+    kit.assert_close(frames.shown(scene, 2), frames.denoised(shot, 2), 1e-3, "in ACEScg")
+    assert node.is_on(tree) and not node.settings_changed()
