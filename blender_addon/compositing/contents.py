@@ -168,9 +168,7 @@ def _check(view: dict[str, Any], frames: range) -> list[dict[str, Any]]:
 def _work(scene: bpy.types.Scene, nodes: dict[str, dict[str, Any]], sources: list[_Source], *, allow_stale: bool) -> dict[str, Any]:
     """The job, but for its frames and the copy of the file."""
     target = folder(scene)
-    protected = {
-        os.path.normpath(str(place / pattern.name).split("#")[0]) for s in sources for pattern in s.patterns for place in _folders(s)
-    }
+    protected = {os.path.normpath(place / pattern.name.split("#")[0]) for s in sources for pattern in s.patterns for place in _folders(s)}
     undefined = [kinds.key(*each) for each in kinds.reached(scene) if kinds.is_undefined(each[1])]
     return {
         "scene": scene.name,

@@ -149,8 +149,7 @@ class HUSH_OT_whole_shot(background.JobOperator, bpy.types.Operator):
         """Has Blender render, one row of frames after the other, then waits for the processes."""
         if self._job is not None:
             return background.JobOperator.modal(self, context, event)
-        # While Blender renders Esc is its own.
-        if event.type == "ESC" and event.value == "PRESS" and self._render is not None and not bpy.app.is_job_running("RENDER"):
+        if background.is_stop(event) and self._render is not None:
             self._render.stop()
             return {"RUNNING_MODAL"}
         if event.type != "TIMER" or self._render is not None and not self._render.is_over():

@@ -16,6 +16,11 @@ TICK = 0.1
 _going_on: list["JobOperator"] = []
 
 
+def is_stop(event: bpy.types.Event) -> bool:
+    """Whether Esc was pressed for a job; while Blender renders it is for the render."""
+    return event.type == "ESC" and event.value == "PRESS" and not bpy.app.is_job_running("RENDER")
+
+
 class JobOperator(SceneOperator):
     """Denoise Shot, Composite Denoised and Denoise This Frame. A kind starts its job in `_start` and sums it up in `_outcome`."""
 
@@ -69,7 +74,7 @@ class JobOperator(SceneOperator):
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Looks at the process now and then; every other event goes on to Blender."""
-        if event.type == "ESC" and event.value == "PRESS" and not self._job.cancelled:
+        if is_stop(event) and not self._job.cancelled:
             self._job.cancel()
             self._show(context)
             return {"RUNNING_MODAL"}

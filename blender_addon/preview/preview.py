@@ -145,7 +145,7 @@ class HUSH_OT_preview_frame(background.JobOperator, bpy.types.Operator):
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Looks at the worker now and then; every other event goes on to Blender."""
-        if event.type == "ESC" and event.value == "PRESS":
+        if background.is_stop(event):
             self._hide(context)
             self._drop()
             self.report({"INFO"}, messages.text("preview_stopped"))
