@@ -141,8 +141,12 @@ class Stage:
 
     def _set_output(self) -> None:
         render, settings = self._scene.render, self._scene.render.image_settings
-        views = settings.views_format
+        views, space = settings.views_format, settings.linear_colorspace_settings.name
+        was_exr = settings.file_format.startswith("OPEN_EXR")
         compat.use_image_format(settings, self._work["format"])
+        if was_exr and space and settings.file_format == "OPEN_EXR":
+            # Blender 5 takes it away with the old format.
+            settings.linear_colorspace_settings.name = space
         settings.color_mode, settings.color_depth = "RGBA", "16"
         if views == "INDIVIDUAL":
             render.use_multiview = False
