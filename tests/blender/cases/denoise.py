@@ -6,7 +6,6 @@ import json
 import os
 import shutil
 import signal
-import sys
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -437,41 +436,3 @@ def test_a_mask_keeps_noise_in_its_part_of_the_frame() -> None:
 
     checked = hush.check_sequence(**kit.module("shot").sequences(scene)[0])
     assert [(frame["frame"], frame["kind"]) for frame in checked["frames"] if frame["state"] == "stale"] == [(2, "lambda_image")]
-
-
-def test_ctrl_c_in_a_script_is_an_error() -> None:
-    """What comes next in the script must not take the shot for done."""
-    scene, frames, names = long_scene("interrupted")
-    background = kit.module("jobs.background")
-
-    calls = iter([True])
-
-    def sleep(seconds: float) -> None:
-        # A second Ctrl-C is taken for impatience, and ends it all.
-        if next(calls, False):
-            raise KeyboardInterrupt
-        time.sleep(seconds)
-
-    background.time = SimpleNamespace(sleep=sleep)
-    try:
-        kit.refused(bpy.ops.hush.denoise_shot, "stopped")
-    finally:
-        background.time = time
-    assert len(images(frames / "denoised")) < len(names)
-
-
-def test_a_process_that_closes_its_output_and_stays() -> None:
-    """As Blender does on its way out: nobody waits for it in the interface."""
-    job = kit.module("jobs.job")
-    code = (
-        "import json, os, sys, time; sys.stdin.readline(); print(json.dumps({'event': 'finished'}), flush=True); os.close(1); time.sleep(3)"
-    )
-    running = job.Job("Scene", [sys.executable, "-c", code], {})
-    until = time.monotonic() + 20
-    while not running._closed:
-        began = time.monotonic()
-        running.poll()
-        assert time.monotonic() - began < 1.0 and began < until, "it was waited for"
-        time.sleep(0.01)
-    assert not running.ended
-    assert kit.ended(running).errors == []

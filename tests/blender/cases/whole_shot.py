@@ -225,22 +225,3 @@ def test_a_linked_scene_of_the_same_name_is_no_trouble() -> None:
     assert [each.name for each in bpy.data.scenes] == ["Shot", "Shot"]
     assert bpy.ops.hush.whole_shot() == {"FINISHED"}
     assert images(folder / "composited") == NAMES[:1]
-
-
-def test_ctrl_c_in_a_script_is_no_success() -> None:
-    scene, folder = scene_of_three("interrupted", node=False)
-    scene.frame_end = 1
-    background = kit.module("jobs.background")
-    calls = iter([True])
-
-    def sleep(seconds: float) -> None:
-        if next(calls, False):
-            raise KeyboardInterrupt
-        time.sleep(seconds)
-
-    background.time = SimpleNamespace(sleep=sleep)
-    try:
-        kit.refused(bpy.ops.hush.whole_shot, "stopped")
-    finally:
-        background.time = time
-    assert images(folder) == NAMES[:1]
