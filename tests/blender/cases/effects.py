@@ -121,6 +121,7 @@ def test_what_effects_give_their_trees() -> None:
     for frame, stops in ((1, 0.0), (2, 1.0)):
         value.value = stops
         assert scene.keyframe_insert(f'compositor_effects["{made.name}"].properties.inputs.{name}.value', frame=frame)
+    scene.frame_set(1)
     assert untouched() == {"FINISHED"}
     for frame, factor in ((1, 1.0), (2, 2.0)):
         assert_times(folder, frame, factor)
