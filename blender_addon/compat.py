@@ -3,7 +3,9 @@
 """What differs between Blender 4.2, 4.5, 5.0, 5.2 and 5.3, and nothing else."""
 
 import os
+import re
 from collections.abc import Callable, Iterable
+from typing import Any
 
 import bpy
 
@@ -12,19 +14,46 @@ BLENDER_5 = bpy.app.version >= (5, 0, 0)
 READS_VIEWS_OF_ONE_FILE = not BLENDER_5
 # Blender 4.2 renders the Sequencer for strips that are muted, too.
 MUTED_STRIPS_COUNT = bpy.app.version < (4, 5, 0)
+# Blender 5.3 has a row of compositor trees in a scene: the first gets the image of its first view layer, each other the one before's.
+HAS_EFFECTS = "compositor_effects" in bpy.types.Scene.bl_rna.properties
+# Whether Blender fills in what stands in curly brackets in output paths.
+TEMPLATES = bpy.app.version >= (4, 5)
 ADD_MENU = "NODE_MT_compositor_node_add_all"
+# What lets a path of an add-on start with // in the file browser and its field; before Blender 5 every path may.
+RELATIVE_PATH = {"PATH_SUPPORTS_BLEND_RELATIVE"} if "is_path_supports_blend_relative" in bpy.types.Property.bl_rna.properties else set()
+
+
+def compositor_trees(scene: bpy.types.Scene) -> list[bpy.types.NodeTree]:
+    """The trees that composite what the scene renders, in their order; none where compositing is off or has no tree."""
+    if HAS_EFFECTS:
+        return [effect.node_group for effect in effects(scene)]
+    tree = scene.compositing_node_group if BLENDER_5 else scene.node_tree if scene.use_nodes else None
+    return [] if tree is None else [tree]
 
 
 def compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
-    """The scene's compositor tree, None where compositing is off or has no tree."""
-    if BLENDER_5:
-        return scene.compositing_node_group
-    return scene.node_tree if scene.use_nodes else None
+    """The scene's compositor tree, the first where there are several; None where compositing is off or has no tree."""
+    return next(iter(compositor_trees(scene)), None)
+
+
+def effects(scene: bpy.types.Scene) -> list[Any]:
+    """The effects of Blender 5.3 that are rendered."""
+    return [effect for effect in scene.compositor_effects if effect.enable_for_render and effect.node_group is not None]
 
 
 def is_switched_off(scene: bpy.types.Scene) -> bool:
-    """Whether the scene has compositor nodes, but Use Nodes is off; Blender 5 knows no such state."""
+    """Whether the scene has compositor nodes, but they are switched off; Blender 5.0 and 5.2 know no such state."""
+    if HAS_EFFECTS:
+        return not effects(scene) and any(effect.node_group is not None for effect in scene.compositor_effects)
     return not BLENDER_5 and not scene.use_nodes and scene.node_tree is not None and len(scene.node_tree.nodes) > 0
+
+
+def render_input(tree: bpy.types.NodeTree, scene: bpy.types.Scene) -> bpy.types.Node | None:
+    """The node of a compositor tree that gives the image of the scene's first view layer; None where it has none."""
+    if not HAS_EFFECTS or tree != compositor_tree(scene):
+        return None
+    inputs = [node for node in tree.nodes if node.bl_idname == "NodeGroupInput" and node.outputs[0].type != "CUSTOM"]
+    return next((node for node in inputs if node.outputs[0].is_linked), next(iter(inputs), None))
 
 
 def ensure_compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree:
@@ -34,7 +63,10 @@ def ensure_compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree:
         return tree
     if BLENDER_5:
         tree = bpy.data.node_groups.new("Compositor Nodes", "CompositorNodeTree")
-        scene.compositing_node_group = tree
+        if HAS_EFFECTS:
+            scene.compositor_effects.new(tree.name).node_group = tree
+        else:
+            scene.compositing_node_group = tree
     else:
         scene.use_nodes = True
         tree = scene.node_tree
@@ -77,10 +109,19 @@ def working_space() -> str:
     return getattr(space, "working_space", "") or "Linear Rec.709"
 
 
-def use_working_space(image: bpy.types.Image) -> None:
-    """Says that an image's pixels are in the colour space that renders are in."""
+def file_space(scene: bpy.types.Scene) -> str:
+    """The colour space of the EXR files that a scene renders: the one renders are in, unless Output › Color Management says another."""
+    settings = scene.render.image_settings
+    if settings.color_management == "OVERRIDE" and settings.file_format.startswith("OPEN_EXR"):
+        return settings.linear_colorspace_settings.name
+    return working_space()
+
+
+def use_space(image: bpy.types.Image, name: str) -> None:
+    """Says which colour space an image's pixels are in, if that is not said already."""
     try:
-        image.colorspace_settings.name = working_space()
+        if image.colorspace_settings.name != name:
+            image.colorspace_settings.name = name
     except TypeError:
         # A colour configuration without that name: no conversion at all is the same here.
         image.colorspace_settings.is_data = True
@@ -110,25 +151,44 @@ def sequencer_is_rendered(scene: bpy.types.Scene) -> bool:
     return any(not strip.mute and not editor.channels[strip.channel].mute for strip in seen)
 
 
-def own_compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree:
-    """The scene's compositor tree, made one that can be changed where it is a library's."""
-    tree = compositor_tree(scene)
-    if BLENDER_5 and tree.library is not None:
-        name = tree.name_full
-        tree = scene.compositing_node_group = tree.copy()
-        tree["hush_original"] = name
-    return tree
+def own_compositor_trees(scene: bpy.types.Scene) -> list[bpy.types.NodeTree]:
+    """The scene's compositor trees, made ones that can be changed where they are a library's, or are used elsewhere too."""
+    owners = [(effect, "node_group") for effect in effects(scene)] if HAS_EFFECTS else [(scene, "compositing_node_group")]
+    for owner, name in owners if BLENDER_5 else ():
+        tree = getattr(owner, name)
+        if tree.library is not None or HAS_EFFECTS and tree.users > 1:
+            copied = tree.copy()
+            copied["hush_original"] = tree.name_full
+            setattr(owner, name, copied)
+    return compositor_trees(scene)
 
 
 def without_templates(path: str) -> str:
     """An output path whose curly brackets mean themselves; newer Blenders fill in what stands between them."""
-    return path.replace("{", "{{").replace("}", "}}") if bpy.app.version >= (4, 5) else path
+    return path.replace("{", "{{").replace("}", "}}") if TEMPLATES else path
+
+
+def with_folder(path: str, folder: str) -> str:
+    """An output path that says of itself which folder the .blend is in, where Blender would fill in `{blend_dir}`."""
+    return re.sub(r"(?<!\{)\{blend_dir\}", lambda _: without_templates(folder), path) if TEMPLATES else path
+
+
+def filled_in(path: str, scene: bpy.types.Scene, node: bpy.types.Node) -> str:
+    """A path of a File Output node with its templates filled in. Changes the output path of the scene."""
+    if "{" not in path or not TEMPLATES:
+        return path
+    scene.render.filepath = path.replace("{node_name}", without_templates(node.name)) + "####"
+    try:
+        return re.split(r"\d{4}[^\\/\d]*$", scene.render.frame_path(frame=0))[0]
+    except RuntimeError:
+        # Blender does not write to it either.
+        return path
 
 
 def set_folder(node: bpy.types.Node, change: Callable[[str], str]) -> None:
-    """Changes the folder that a File Output node writes to."""
-    name = "directory" if BLENDER_5 else "base_path"
-    setattr(node, name, change(getattr(node, name)))
+    """Changes the folder that a File Output node writes to, and where Blender 5 fills in parts, its names too."""
+    for name in ("directory", "file_name") if BLENDER_5 else ("base_path",):
+        setattr(node, name, change(getattr(node, name)))
 
 
 def written_by(node: bpy.types.Node) -> list[str]:

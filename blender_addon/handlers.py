@@ -32,8 +32,7 @@ def frame_change_post(*_: object) -> None:
 @persistent
 def depsgraph_update_post(*_: object) -> None:
     """A setting may have changed, by hand or by a script: what a node shows must follow, also where no panel is open."""
-    if node.are_there():
-        refresh.request(now=node.settings_changed(), nodes_only=True)
+    refresh.request(now=node.settings_changed(), nodes_only=True)
 
 
 @persistent

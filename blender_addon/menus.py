@@ -6,7 +6,7 @@ import bpy
 from bpy.props import BoolProperty
 
 from . import compat, messages, refresh
-from .nodes import node
+from .nodes import kinds, node
 
 
 class HUSH_OT_add_node(bpy.types.Operator):
@@ -32,17 +32,18 @@ class HUSH_OT_add_node(bpy.types.Operator):
         if not self.at_cursor and any(node.nodes(scene)):
             self.report({"INFO"}, messages.text("node_there"))
             return {"CANCELLED"}
-        tree = _edited(context) if self.at_cursor else compat.ensure_compositor_tree(scene)
+        tree = _edited(context) if self.at_cursor else _tree_for(scene)
         if tree is None:
             self.report({"ERROR"}, messages.text("node_no_editor"))
             return {"CANCELLED"}
-        if tree.library is not None:
+        # What is added to an override is gone when the file is opened again.
+        if tree.library is not None or tree.override_library is not None:
             self.report({"ERROR"}, messages.text("node_tree_linked"))
             return {"CANCELLED"}
         if self.at_cursor:
             _add_at_cursor(context, tree)
-        else:
-            insert(tree, scene)
+        elif not insert(tree, scene).outputs[0].is_linked:
+            self.report({"WARNING"}, messages.text("node_unlinked"))
         refresh.request(now=True)
         return {"FINISHED"}
 
@@ -55,23 +56,43 @@ class HUSH_OT_add_node(bpy.types.Operator):
 
 
 def insert(tree: bpy.types.NodeTree, scene: bpy.types.Scene) -> bpy.types.Node:
-    """Adds the node between the scene's Render Layers and whatever takes its image."""
+    """Adds the node between what is rendered, of this scene or else of another, and whatever takes its image.
+
+    Where nothing that is rendered is in the tree it stays without links, but for an output that has none.
+    """
     added = node.new(tree)
-    layers = [n for n in tree.nodes if n.bl_idname == "CompositorNodeRLayers" and n.scene in (scene, None)]
-    linked = [n for n in layers if n.outputs["Image"].is_linked]
-    source = next(iter(linked or layers), None)
+    source = _source(tree, scene)
     if source is not None:
-        added.location = (source.location.x + source.width + 60, source.location.y + 120)
-        if len(scene.view_layers) > 1:
-            added.node_tree.hush.view_layer = source.layer
-        image = source.outputs["Image"]
-        targets = [link.to_socket for link in tree.links if link.from_socket == image]
-        tree.links.new(image, added.inputs[0])
+        origin = source.node
+        added.location = (origin.location.x + origin.width + 60, origin.location.y + 120)
+        shown = getattr(origin, "scene", None) or scene
+        if shown != scene:
+            added.node_tree.hush.scene = shown
+        if len(shown.view_layers) > 1:
+            added.node_tree.hush.view_layer = getattr(origin, "layer", shown.view_layers[0].name)
+        targets = [(link.to_socket, link.is_muted) for link in tree.links if link.from_socket == source]
+        tree.links.new(source, added.inputs[0])
     else:
-        targets = [compat.output_node(tree).inputs[0]]
-    for target in targets:
-        tree.links.new(added.outputs[0], target)
+        result = compat.output_node(tree).inputs[0]
+        targets = [] if result.is_linked else [(result, False)]
+    for target, is_muted in targets:
+        tree.links.new(added.outputs[0], target).is_muted = is_muted
     return added
+
+
+def _source(tree: bpy.types.NodeTree, scene: bpy.types.Scene) -> bpy.types.NodeSocket | None:
+    """Where a tree gets the rendered image from, if it does: this scene's comes first, and one that is used before one that is not."""
+    found = [each.outputs["Image"] for each in tree.nodes if each.bl_idname == kinds.RENDER_LAYERS]
+    given = compat.render_input(tree, scene)
+    found += [given.outputs[0]] if given is not None else []
+    is_other = lambda socket: getattr(socket.node, "scene", None) not in (scene, None)
+    return min(found, key=lambda socket: (is_other(socket), not socket.is_linked), default=None)
+
+
+def _tree_for(scene: bpy.types.Scene) -> bpy.types.NodeTree:
+    """The first of the scene's compositor trees that gets a rendered image, else the first one; made where there is none."""
+    trees = compat.compositor_trees(scene)
+    return next((tree for tree in trees if _source(tree, scene) is not None), None) or compat.ensure_compositor_tree(scene)
 
 
 def _edited(context: bpy.types.Context) -> bpy.types.NodeTree | None:

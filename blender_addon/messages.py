@@ -184,7 +184,8 @@ TEXTS = {
     # The node, and why it passes the image through
     "node_there": "The compositor has a Temporal Denoise node already",
     "node_tree_linked": "The compositor nodes are linked from another file: add the node there",
-    "node_switched_off": "Use Nodes is off in the compositor, which has nodes: turn it on, then add the node",
+    "node_switched_off": "The compositor has nodes, but is off: turn on Use Nodes or, in Blender 5.3, a scene effect, then add the node",
+    "node_unlinked": "The compositor has no Render Layers to put the node behind: it was added without links",
     "node_no_editor": "Open the compositor's nodes to add the node there",
     "node_old": (
         "The Temporal Denoise node is of an earlier Hush and shows nothing: press Fix to replace it; its links and settings are kept"

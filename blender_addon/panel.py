@@ -9,14 +9,13 @@ import bpy
 from . import messages, refresh, shot, status
 from .checks import check
 from .denoising import denoise
-from .messages import Refusal
 from .nodes import node
 
 # A letter's width in the interface's own units, a little generous.
 _LETTER = 6.5
 # Where a problem is drawn, by its key; all others belong to preparing.
 _STEP_OF = {
-    **dict.fromkeys(("frames", "older", "lossy", "first_frame"), 2),
+    **dict.fromkeys(("frames", "older", "lossy", "first_frame", "render_folder"), 2),
     **dict.fromkeys(("folder", "space", "library", "lambda", "lambda_mask", "stale", "failed"), 3),
     **dict.fromkeys(("node", "stereo"), 4),
 }
@@ -98,12 +97,7 @@ class RENDER_PT_hush_folders(_HushPanel, bpy.types.Panel):
         layout.prop(scene.hush, "composite_folder")
         layout.prop(scene.hush, "composite_format")
         column = layout.column(align=True)
-        try:
-            lines = [messages.text("frames_from", path=path) for path in shot.frame_patterns(scene)]
-            lines.append(messages.text("frames_to", path=shot.output_folder(scene)))
-        except Refusal as error:
-            lines = [str(error)]
-        for line in lines:
+        for line in refresh.folders(scene):
             _paragraph(column, line, _width(context))
 
 

@@ -8,6 +8,7 @@ None has an update callback: after one was unregistered, Blender 4.2 as a Python
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty
 
+from . import compat
 from .settings import SETTINGS
 
 
@@ -29,7 +30,7 @@ COMPOSITE_FORMATS = (
 
 
 def _folder(name: str, description: str) -> StringProperty:
-    return StringProperty(name=name, description=description, subtype="DIR_PATH", options=set())
+    return StringProperty(name=name, description=description, subtype="DIR_PATH", options=compat.RELATIVE_PATH)
 
 
 class HushShot(bpy.types.PropertyGroup):
@@ -53,7 +54,7 @@ class HushShot(bpy.types.PropertyGroup):
         name="λ Mask Images",
         description="Images that are the mask, in place of an AOV, with # for the frame's number: //masks/mask_####.exr",
         subtype="FILE_PATH",
-        options=set(),
+        options=compat.RELATIVE_PATH,
     )
     lambda_masked: FloatProperty(
         name="λ in the Mask",

@@ -79,6 +79,9 @@ def undo(scene: bpy.types.Scene) -> list[str]:
     """Puts back what was there before; what was changed by hand since stays. Tells what could not be put back."""
     record = Record(scene)
     left = _put_back(record, record.values)
+    if record.vector_layer and record.vector_layer not in scene.view_layers:
+        # Also where it was only renamed, and is another to whoever looks for it by its name.
+        left.append(messages.text("undo_gone", name=f"view_layers › {record.vector_layer}"))
     _remove_layer(scene, record.vector_layer)
     scene.hush.prepared = ""
     return left

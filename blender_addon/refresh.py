@@ -7,8 +7,9 @@ import traceback
 
 import bpy
 
-from . import status
+from . import messages, shot, status
 from .checks import check
+from .messages import Refusal
 from .nodes import node
 
 # How often the timer asks whether there is something to do, and how long the playhead must rest before a frame is read.
@@ -16,9 +17,15 @@ _TICK, _REST = 0.1, 0.15
 # How often what is drawn is looked up, in seconds and in times of what the last look took.
 _PERIOD, _TIMES = 1.0, 50.0
 _problems: dict[int, list] = {}
+_folders: dict[int, list[str]] = {}
 _last = _took = 0.0
 _wanted: float | None = None
 _for_panels = False
+
+
+def folders(scene: bpy.types.Scene) -> list[str]:
+    """Where the frames are and go to, in words, as of the last look; none before the first one."""
+    return _folders.get(scene.session_uid, [])
 
 
 def problems(scene: bpy.types.Scene) -> list | None:
@@ -68,20 +75,32 @@ def look(*, nodes_only: bool = False) -> None:
     """Looks at the disk and at what the open scenes show; from the main thread."""
     global _last, _took
     began = time.monotonic()
+    if nodes_only and not node.are_there():
+        _last, _took = began, 0.0
+        return
     changed = False
     scenes = list(dict.fromkeys(window.scene for window in bpy.context.window_manager.windows))
     for scene in () if nodes_only else scenes:
         before = status.last_known(scene)
         after = status.shot_status(scene)
         found = check.problems(scene)
-        changed |= before != after or _problems.get(scene.session_uid) != found
-        _problems[scene.session_uid] = found
+        places = _places(scene)
+        changed |= before != after or problems(scene) != found or folders(scene) != places
+        _problems[scene.session_uid], _folders[scene.session_uid] = found, places
     before_nodes = _shown(scenes)
     node.sync(*scenes)
     _last = time.monotonic()
     _took = _last - began
     if changed or before_nodes != _shown(scenes):
         redraw()
+
+
+def _places(scene: bpy.types.Scene) -> list[str]:
+    try:
+        sources = [messages.text("frames_from", path=path) for path in shot.frame_patterns(scene)]
+        return [*sources, messages.text("frames_to", path=shot.output_folder(scene))]
+    except Refusal as error:
+        return [str(error)]
 
 
 def _shown(scenes: list[bpy.types.Scene]) -> list[tuple[bool, str]]:
@@ -99,6 +118,7 @@ def redraw() -> None:
 def forget() -> None:
     """Another file was opened."""
     _problems.clear()
+    _folders.clear()
     check.forget()
     status.forget()
 

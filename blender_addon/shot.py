@@ -17,7 +17,10 @@ from .messages import Refusal
 from .settings import SETTINGS
 
 _HASHES = re.compile(r"#+(?=[^#]*$)")
-_NUMBERED = re.compile(r"^(.*?)(-?\d+)(\D*)\.exr$", re.IGNORECASE)
+# A minus is a sign only where no word is before it, as the library reads names: `shot_-001`, but not `shot-001`.
+NUMBERED = re.compile(r"^(.*?)((?:(?<![^\W_])-)?\d+)(\D*)\.exr$", re.IGNORECASE)
+# What Blender 4.5 and newer fill in; the # in it are not the frame's: {resolution_x:#####}.
+_TEMPLATE = re.compile(r"\{[^{}]*\}")
 _sequences: dict[Path, tuple[int, list[str]]] = {}
 _examples: dict[Path, tuple[int, Path | None]] = {}
 _layers: dict[Path, tuple[int | None, list[str]]] = {}
@@ -285,7 +288,7 @@ def _render_pattern(scene: bpy.types.Scene, view: str) -> Path:
     except RuntimeError as error:
         reason = str(error).removeprefix("Error: ").strip()
         raise Refusal(messages.text("path", reason=reason)) from None
-    runs = _HASHES.findall(re.split(r"[\\/]", render.filepath)[-1])
+    runs = _HASHES.findall(_TEMPLATE.sub("", re.split(r"[\\/]", render.filepath)[-1]))
     width = len(runs[-1]) if runs else 4
     if render.is_movie_format:
         return _beside_film(scene, Path(one), width)
@@ -312,7 +315,7 @@ def _patterns_in(folder: Path) -> list[str]:
     try:
         changed = folder.stat().st_mtime_ns
         if folder not in _sequences or _sequences[folder][0] != changed:
-            matches = [match for path in folder.iterdir() if (match := _NUMBERED.match(path.name))]
+            matches = [match for path in folder.iterdir() if (match := NUMBERED.match(path.name))]
             counts = Counter(f"{m[1]}{'#' * len(m[2].lstrip('-'))}{m[3]}.exr" for m in matches)
             _sequences[folder] = (changed, [name for name, _ in counts.most_common()])
     except OSError:

@@ -26,7 +26,15 @@ def problems(scene: bpy.types.Scene, *, fresh: bool = False) -> list[Problem]:
 
     What the disk says is remembered for some seconds, unless `fresh` is asked for.
     """
-    found = [*scene_problems(scene), *_file_problems(scene, fresh=fresh)]
+    return _sorted([*scene_problems(scene), *_file_problems(scene, fresh=fresh)])
+
+
+def last_problems(scene: bpy.types.Scene) -> list[Problem]:
+    """The same for drawing: what the disk said last, without a look at it."""
+    return _sorted([*scene_problems(scene), *_seen.get(scene.session_uid, (None, 0.0, []))[2]])
+
+
+def _sorted(found: list[Problem]) -> list[Problem]:
     return sorted(found, key=lambda problem: (ERROR, WARNING, INFO).index(problem.level))
 
 
@@ -44,7 +52,9 @@ def _file_problems(scene: bpy.types.Scene, *, fresh: bool) -> list[Problem]:
     try:
         patterns, output = shot.frame_patterns(scene), shot.output_folder(scene)
     except Refusal as error:
-        return [Problem("path", str(error), level=ERROR)]
+        found = [Problem("path", str(error), level=ERROR)]
+        _seen[scene.session_uid] = (None, 0.0, found)
+        return found
     key = _request(scene, patterns, output)
     known = _seen.get(scene.session_uid)
     if not fresh and known and known[0] == key and time.monotonic() < known[1]:
@@ -53,7 +63,7 @@ def _file_problems(scene: bpy.types.Scene, *, fresh: bool) -> list[Problem]:
         status.forget()
     began = time.monotonic()
     try:
-        found = list(file_problems(scene, patterns, output, shot.frame_range(scene)))
+        found = list(file_problems(scene, patterns, output, shot.frame_range(scene), write=fresh))
     except OSError as error:
         found = [Problem("files", messages.text("files_unread", reason=messages.of_error(error)), level=ERROR)]
     took = time.monotonic() - began
@@ -86,7 +96,7 @@ class HUSH_OT_check_shot(SceneOperator, bpy.types.Operator):
     def draw(self, context: bpy.types.Context) -> None:
         """A line for each problem; a fixed one vanishes."""
         scene = bpy.data.scenes.get(self.scene) or context.scene
-        found = problems(scene)
+        found = last_problems(scene)
         self.layout.label(text=_summary(found), icon="ERROR" if found else "CHECKMARK")
         for problem in found:
             row = self.layout.row()

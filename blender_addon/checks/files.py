@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What Check Shot finds on the disk: folders, rendered frames, and denoised ones that are out of date."""
 
+import errno
 import os
 import shutil
 import tempfile
@@ -15,8 +16,8 @@ from .. import messages, shot, status
 from .problem import ERROR, INFO, Problem, problem
 
 
-def file_problems(scene: bpy.types.Scene, patterns: list[Path], output: Path, frames: range) -> Iterator[Problem]:
-    """All that is not right with a shot's files."""
+def file_problems(scene: bpy.types.Scene, patterns: list[Path], output: Path, frames: range, *, write: bool) -> Iterator[Problem]:
+    """All that is not right with a shot's files. With `write` it is tried whether folders can be written to, else only asked."""
     try:
         import hush
     except ImportError as error:
@@ -24,11 +25,15 @@ def file_problems(scene: bpy.types.Scene, patterns: list[Path], output: Path, fr
         hush = None
     if any(pattern.parent == output for pattern in patterns):
         yield problem("folder", "folder_same", ERROR, folder=output)
-    for folder in dict.fromkeys([patterns[0].parent, output]):
-        wrong = why_not_writable(folder)
-        if wrong and (folder == output or not scene.hush.input_folder):
-            yield Problem("folder", wrong, level=ERROR)
+    wrong = why_not_writable(output, write=write)
+    if wrong:
+        yield Problem("folder", wrong, level=ERROR)
     present, missing = _rendered(patterns, frames)
+    # Frames that are all there need only be read.
+    if missing and patterns[0].parent != output and not scene.hush.input_folder:
+        wrong = why_not_writable(patterns[0].parent, write=write)
+        if wrong:
+            yield Problem("render_folder", wrong, level=ERROR)
     if not frames:
         yield problem("frames", "range_empty", ERROR)
     elif not present:
@@ -43,12 +48,19 @@ def file_problems(scene: bpy.types.Scene, patterns: list[Path], output: Path, fr
         yield from _denoised(scene)
 
 
-def why_not_writable(folder: Path) -> str | None:
-    """Why files cannot be written into a folder, which may not be there yet; None where they can."""
+def why_not_writable(folder: Path, *, write: bool = True) -> str | None:
+    """Why files cannot be written into a folder, which may not be there yet; None where they can.
+
+    Only a file that is written tells for sure, but one must not come and go in the artist's folder as long as a panel is open.
+    """
     place = _nearest(folder)
     if not os.path.isdir(place):
         return messages.text("folder_file", place=place, folder=folder)
     try:
+        if not write:
+            if os.access(place, os.W_OK):
+                return None
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
         with tempfile.TemporaryFile(dir=place):
             return None
     except OSError as error:

@@ -8,6 +8,7 @@ It runs in another process, on a copy of the scene in a file of its own. In the 
 import os
 import shutil
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -60,8 +61,10 @@ class CompositeJob(job.Job):
     def _clean_up(self) -> None:
         contents.remove_copy(self._blend)
         shutil.rmtree(self.contents.work["aside"], ignore_errors=True)
-        if not self._had_folder and os.path.isdir(self._folder) and not any(self._folder.iterdir()):
-            self._folder.rmdir()
+        if not self._had_folder:
+            # It goes where it is empty; a folder that does not is no reason to stop here.
+            with suppress(OSError):
+                self._folder.rmdir()
 
 
 def start(scene: bpy.types.Scene, *, allow_stale: bool = False) -> CompositeJob:

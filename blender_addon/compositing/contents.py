@@ -4,6 +4,7 @@
 
 import itertools
 import os
+import shutil
 import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -45,7 +46,13 @@ class _Source:
     def work(self) -> dict[str, Any]:
         # A linked scene may have the same name, which is all that a file says.
         others = sorted({scene.name for scene in bpy.data.scenes} - {self.scene.name})
-        return {"scene": self.scene.name_full, "views": self.views, "size": shot.render_size(self.scene), "others": others}
+        return {
+            "scene": self.scene.name_full,
+            "views": self.views,
+            "size": shot.render_size(self.scene),
+            "others": others,
+            "space": compat.file_space(self.scene),
+        }
 
 
 def folder(scene: bpy.types.Scene) -> Path:
@@ -101,6 +108,8 @@ def _refuse(scene: bpy.types.Scene) -> None:
     unsaved = _unsaved_images(scene)
     if unsaved:
         raise Refusal(messages.text("composite_unsaved", images=" and ".join(unsaved)))
+    if scene.hush.composite_folder.startswith("//") and not bpy.data.is_saved:
+        raise Refusal(messages.text("save"))
     target = folder(scene)
     taken = {pattern.parent for pattern in shot.frame_patterns(scene)} | {shot.output_folder(scene)}
     if any(target.resolve() == other.resolve() for other in taken):
@@ -129,7 +138,7 @@ def _nodes(scene: bpy.types.Scene) -> tuple[dict[str, dict[str, Any]], list[_Sou
             scenes += [source] if source not in scenes else []
             layer = shown[1] or (layers[0] if layers else "")
             found[kinds.key(tree, each)] = {"source": scenes.index(source), "layer": layer}
-        elif kinds.shows_renders(each, scene) and scene not in scenes:
+        elif (kinds.shows_renders(each, scene) or each == compat.render_input(tree, scene)) and scene not in scenes:
             scenes.append(scene)
     return found, [_source(each) for each in scenes or [scene]]
 
@@ -159,9 +168,7 @@ def _check(view: dict[str, Any], frames: range) -> list[dict[str, Any]]:
 def _work(scene: bpy.types.Scene, nodes: dict[str, dict[str, Any]], sources: list[_Source], *, allow_stale: bool) -> dict[str, Any]:
     """The job, but for its frames and the copy of the file."""
     target = folder(scene)
-    protected = {
-        os.path.normpath(str(place / pattern.name).split("#")[0]) for s in sources for pattern in s.patterns for place in _folders(s)
-    }
+    protected = {os.path.normpath(place / pattern.name.split("#")[0]) for s in sources for pattern in s.patterns for place in _folders(s)}
     undefined = [kinds.key(*each) for each in kinds.reached(scene) if kinds.is_undefined(each[1])]
     return {
         "scene": scene.name,
@@ -213,10 +220,5 @@ def save_copy(scene: bpy.types.Scene, *, scripts: bool) -> Path:
 
 def remove_copy(blend: Path) -> None:
     """Takes the copy and its folder away."""
-    for each in blend.parent.glob("*"):
-        each.unlink(missing_ok=True)
-    try:
-        blend.parent.rmdir()
-    except OSError:
-        # It is gone, or not ours alone; Blender empties its folder for such files when it ends.
-        pass
+    # What cannot be removed stays; Blender empties its folder for such files when it ends.
+    shutil.rmtree(blend.parent, ignore_errors=True)

@@ -63,6 +63,8 @@ def _frame(work: Work, frame: Work, scene: bpy.types.Scene, stage: Stage, checks
         return {**about, "status": "refused"}
     made = []
     try:
+        if stage.moves:
+            scene.frame_set(frame["frame"])
         for index, view in enumerate(work["views"]):
             stage.turn_to([_files(work, views[index if len(views) > 1 else 0]) for views in judged], view)
             made.append((_render(scene, frame["frame"]), Path(work["folder"], frame["names"][index])))

@@ -12,6 +12,7 @@ import bpy
 
 from .. import compat, exr, messages
 from ..nodes import kinds
+from .render_input import RenderInput
 
 _FILE_OUTPUT = "CompositorNodeOutputFile"
 _IMAGE_NAMES = ("Combined", "Image")
@@ -55,7 +56,15 @@ class Stage:
         self._images: list[bpy.types.Image] = []
         self._sources = {source["scene"]: number for number, source in enumerate(work["sources"])}
         self._set_output()
-        self._build(compat.own_compositor_tree(scene), set())
+        seen: set[bpy.types.NodeTree] = set()
+        for tree in compat.own_compositor_trees(scene):
+            self._build(tree, seen)
+        self._render_input = self._replace_render_input() if RenderInput.is_in(scene) else None
+
+    @property
+    def moves(self) -> bool:
+        """Whether the scene must be at a frame before `turn_to`."""
+        return self._render_input is not None and self._render_input.moves
 
     def turn_to(self, files: list[Files], view: str) -> None:
         """Shows the files of a frame, of each of the job's sources.
@@ -64,10 +73,14 @@ class Stage:
             FrameError: Blender does not read a file, or it lacks what the compositor shows.
         """
         self._scene.render.filepath = self._path + (self._scene.render.views[view].file_suffix if view else "")
+        if self._render_input is not None:
+            self._render_input.update()
         old, self._images = self._images, []
         loaded: dict[Path, bpy.types.Image] = {}
-        for path in dict.fromkeys(path for each in files for path in (each.layers, each.denoised)):
-            loaded[path] = self._load(path)
+        for each, source in zip(files, self._work["sources"], strict=True):
+            for path in (each.layers, each.denoised):
+                if path not in loaded:
+                    loaded[path] = self._load(path, source["space"])
         for feed in self._feeds:
             path = files[feed.source].denoised if feed.denoised else files[feed.source].layers
             self._show(feed, loaded[path], path)
@@ -80,14 +93,14 @@ class Stage:
         for image in old:
             bpy.data.images.remove(image)
 
-    def _load(self, path: Path) -> bpy.types.Image:
+    def _load(self, path: Path, space: str) -> bpy.types.Image:
         try:
             image = bpy.data.images.load(str(path))
         except RuntimeError as error:
             raise FrameError(f"{path.name} does not load: {messages.of_error(error)}") from None
         self._images.append(image)
         image.use_multiview = self._work["views_in_one_file"]
-        compat.use_working_space(image)
+        compat.use_space(image, space)
         # Of files with layers Blender tells no size; that they have the right one was looked up before, in their headers.
         wanted, size = exr.size_if_whole(path), tuple(image.size)
         if wanted is None or (image.type != "MULTILAYER" and size != wanted):
@@ -128,8 +141,12 @@ class Stage:
 
     def _set_output(self) -> None:
         render, settings = self._scene.render, self._scene.render.image_settings
-        views = settings.views_format
+        views, space = settings.views_format, settings.linear_colorspace_settings.name
+        was_exr = settings.file_format.startswith("OPEN_EXR")
         compat.use_image_format(settings, self._work["format"])
+        if was_exr and space and settings.file_format == "OPEN_EXR":
+            # Blender 5 takes it away with the old format.
+            settings.linear_colorspace_settings.name = space
         settings.color_mode, settings.color_depth = "RGBA", "16"
         if views == "INDIVIDUAL":
             render.use_multiview = False
@@ -199,10 +216,21 @@ class Stage:
         else:
             tree.nodes.remove(feed.node)
 
+    def _replace_render_input(self) -> RenderInput:
+        """Gives the first tree the image of a file, where Blender gives it the render."""
+        made, source = RenderInput(self._scene), self._source_of(None)
+        if made.socket is not None and source is not None:
+            image = made.tree.nodes.new("CompositorNodeImage")
+            layer = self._scene.view_layers[0].name
+            target = ("Image", made.socket.node.name, made.socket.identifier, False)
+            self._feeds.append(_Feed(made.tree, image, source, layer, denoised=False, targets=[target]))
+        return made
+
     def _guard_output(self, each: bpy.types.Node) -> None:
         """A File Output node writes where it did, but never over the frames that the composite is made from."""
-        compat.set_folder(each, lambda path: kinds.absolute(path, self._work["origin"]))
-        if any(path in self._work["protected"] or os.path.normpath(path) in self._work["protected"] for path in compat.written_by(each)):
+        origin, protected = self._work["origin"], self._work["protected"]
+        compat.set_folder(each, lambda path: compat.with_folder(kinds.absolute(path, origin), origin))
+        if any(os.path.normpath(compat.filled_in(path, self._scene, each)) in protected for path in compat.written_by(each)):
             each.mute = True
             self._tell("composite_outputs", node=each.name)
 

@@ -11,7 +11,7 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, StringProperty
 
-from .. import messages, refresh, shot
+from .. import compat, messages, refresh, shot
 from ..checks import check
 from ..jobs import background, job
 from ..messages import Refusal
@@ -57,11 +57,11 @@ def _named(source: str) -> list[tuple[Path, list[int] | None]]:
     path = Path(bpy.path.abspath(source))
     if os.path.isdir(path) or "#" in path.name:
         return [(path if os.path.isdir(path) or path.suffix else path.with_name(f"{path.name}.exr"), None)]
-    digits = _LAST_DIGITS.search(path.stem)
-    if path.suffix.lower() == ".exr" and digits:
+    numbered = shot.NUMBERED.match(path.name)
+    if numbered:
         # One frame; the ones beside it still help.
-        name = f"{path.stem[: digits.start()]}{'#' * len(digits[0])}{path.stem[digits.end() :]}{path.suffix}"
-        return [(path.with_name(name), [int(digits[0])])]
+        before, number, after = numbered.groups()
+        return [(path.with_name(f"{before}{'#' * len(number.lstrip('-'))}{after}{path.suffix}"), [int(number)])]
     if path.suffix.lower() == ".exr":
         return [(path, None)]
     pattern = path / "####.exr" if source.endswith(("/", "\\")) else path.with_name(f"{path.name}####.exr")
@@ -221,13 +221,13 @@ class HUSH_OT_denoise_shot(background.JobOperator, bpy.types.Operator):
         name="Input",
         description="Folder, pattern (frame_####.exr) or one frame to denoise. Empty: the frames of the scene",
         subtype="FILE_PATH",
-        options={"SKIP_SAVE"},
+        options={"SKIP_SAVE"} | compat.RELATIVE_PATH,
     )
     output_filepath: StringProperty(
         name="Output",
         description="Folder to write to; never that of the rendered frames. Empty: as the scene says, or a folder named denoised",
         subtype="FILE_PATH",
-        options={"SKIP_SAVE"},
+        options={"SKIP_SAVE"} | compat.RELATIVE_PATH,
     )
     overwrite: BoolProperty(
         name="Overwrite",

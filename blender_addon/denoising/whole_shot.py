@@ -62,6 +62,9 @@ def begin(scene: bpy.types.Scene, *, render_again: bool) -> tuple[list[int], lis
         # Frames of a folder of their own are rendered elsewhere.
         if todo and scene.hush.input_folder:
             raise Refusal(messages.text("unrendered", frames=todo))
+        wrong = check.why_not_writable(shot.frame_pattern(scene).parent) if todo else None
+        if wrong:
+            raise Refusal(wrong)
 
     changes = prepare.apply(scene, check=look)
     if changes:
@@ -146,8 +149,7 @@ class HUSH_OT_whole_shot(background.JobOperator, bpy.types.Operator):
         """Has Blender render, one row of frames after the other, then waits for the processes."""
         if self._job is not None:
             return background.JobOperator.modal(self, context, event)
-        # While Blender renders Esc is its own.
-        if event.type == "ESC" and event.value == "PRESS" and self._render is not None and not bpy.app.is_job_running("RENDER"):
+        if background.is_stop(event) and self._render is not None:
             self._render.stop()
             return {"RUNNING_MODAL"}
         if event.type != "TIMER" or self._render is not None and not self._render.is_over():

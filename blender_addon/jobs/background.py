@@ -16,6 +16,11 @@ TICK = 0.1
 _going_on: list["JobOperator"] = []
 
 
+def is_stop(event: bpy.types.Event) -> bool:
+    """Whether Esc was pressed for a job; while Blender renders it is for the render."""
+    return event.type == "ESC" and event.value == "PRESS" and not bpy.app.is_job_running("RENDER")
+
+
 class JobOperator(SceneOperator):
     """Denoise Shot, Composite Denoised and Denoise This Frame. A kind starts its job in `_start` and sums it up in `_outcome`."""
 
@@ -56,7 +61,7 @@ class JobOperator(SceneOperator):
         finally:
             self._job.close()
             context.window_manager.progress_end()
-        return self._finish()
+        return self._finish(in_script=True)
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """Does the work in the background."""
@@ -69,7 +74,7 @@ class JobOperator(SceneOperator):
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Looks at the process now and then; every other event goes on to Blender."""
-        if event.type == "ESC" and event.value == "PRESS" and not self._job.cancelled:
+        if is_stop(event) and not self._job.cancelled:
             self._job.cancel()
             self._show(context)
             return {"RUNNING_MODAL"}
@@ -128,8 +133,11 @@ class JobOperator(SceneOperator):
             if workspace.name in self._told_in:
                 workspace.status_text_set(None)
 
-    def _finish(self) -> set[str]:
+    def _finish(self, *, in_script: bool = False) -> set[str]:
         result, reports = self._outcome()
+        if in_script and result != "FINISHED":
+            # Also where Ctrl-C stopped it: what comes next in the script must not take it for done.
+            reports = [*reports[:-1], ("ERROR", reports[-1][1])]
         if not bpy.app.background:
             refresh.redraw()
         for level, text in reports:

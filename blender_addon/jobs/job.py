@@ -44,7 +44,7 @@ class Job:
         self._bad: dict[tuple[int, int | None], str] = {}
         self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._last_words: deque[str] = deque(maxlen=20)
-        self._said_the_end, self._ends = False, 0.0
+        self._said_the_end, self._closed, self._ends = False, False, 0.0
         self._process = self._start(command)
         self._say(json.dumps(work) + "\n")
 
@@ -63,14 +63,13 @@ class Job:
     def poll(self) -> list[dict[str, Any]]:
         """The events since the last call; `fraction`, `text` and the rest are up to date after it."""
         events = []
-        while not self.ended:
+        while not (self.ended or self._closed):
             try:
                 line = self._lines.get_nowait()
             except queue.Empty:
-                self._end_the_end()
                 break
             if line is None:
-                self._end()
+                self._closed = True
                 break
             try:
                 event = json.loads(line)
@@ -82,6 +81,11 @@ class Job:
                 continue
             self._take(event)
             events.append(event)
+        # Its output may be closed some time before it is gone; Blender must not stand still for so long.
+        if self._closed and not self.ended and self._process.poll() is not None:
+            self._end()
+        elif not self.ended:
+            self._end_the_end()
         return events
 
     def cancel(self) -> None:
@@ -175,7 +179,7 @@ class Job:
 
     def _end_the_end(self) -> None:
         """A Blender that has sent its results may still hang on its way out."""
-        if self._said_the_end:
+        if self._said_the_end or self._closed:
             self._ends = self._ends or time.monotonic()
             if time.monotonic() - self._ends > _PATIENCE:
                 self._process.kill()

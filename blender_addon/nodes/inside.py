@@ -28,12 +28,16 @@ _EXPRESSION = "frame == shown"
 
 @dataclass(frozen=True)
 class Picture:
-    """The file of a denoised frame: its path, size in bytes and time of change, and the view layers of which the first found is shown."""
+    """The file of a denoised frame: its path, size in bytes and time of change, and the view layers of which the first found is shown.
+
+    `space` is the colour space of its pixels; `relative` whether the path shall be beside the .blend.
+    """
 
     path: Path
     stamp: tuple[int, int]
     layers: tuple[str, ...]
     relative: bool
+    space: str
 
 
 # By tree: what the image's pixels were read from.
@@ -186,7 +190,7 @@ def _own_image(tree: bpy.types.NodeTree) -> bpy.types.Image | None:
 def _new_image() -> bpy.types.Image:
     image = bpy.data.images.new(NAME, 1, 1)
     image.source = "FILE"
-    compat.use_working_space(image)
+    compat.use_space(image, compat.working_space())
     return image
 
 
@@ -194,6 +198,7 @@ def _load(image: bpy.types.Image, picture: Picture) -> None:
     """Points an image at a file and has its pixels read anew, as Blender keeps those of a file that was written again."""
     _unpack(image)
     image.source = "FILE"
+    compat.use_space(image, picture.space)
     if path_of(image) == picture.path:
         image.reload()
         return

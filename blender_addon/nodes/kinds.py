@@ -73,10 +73,10 @@ def local_copy(tree: bpy.types.NodeTree) -> bpy.types.NodeTree:
 
 def reached(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.NodeTree, bpy.types.Node]]:
     """Every node that the scene's compositor reaches, also inside groups, but not inside those of Hush."""
-    waiting, seen = [compat.compositor_tree(scene)], set()
+    waiting, seen = compat.compositor_trees(scene)[::-1], set()
     while waiting:
         tree = waiting.pop()
-        if tree is None or tree in seen:
+        if tree in seen:
             continue
         seen.add(tree)
         for node in tree.nodes:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import bpy
 
-from .. import messages, shot, status
+from .. import compat, messages, shot, status
 from ..messages import Refusal
 from . import inside, kinds
 
@@ -65,7 +65,7 @@ def sync(*scenes: bpy.types.Scene) -> None:
 
 def settings_changed() -> bool:
     """Whether a scene has other settings than when its frame was shown; without a look at the disk."""
-    for tree in _local_trees():
+    for tree in _local_trees() if _shown_with else ():
         name, then = _shown_with.get(tree.session_uid, ("", None)) if is_on(tree) else ("", None)
         if then is not None and (name not in bpy.data.scenes or _settings(bpy.data.scenes[name]) != then):
             return True
@@ -194,7 +194,8 @@ def _show(tree: bpy.types.NodeTree, scene: bpy.types.Scene) -> str | None:
     if stamp is None:
         return messages.text("node_missing")
     layers = (tree.hush.view_layer,) if tree.hush.view_layer else tuple(shot.layers(source))
-    if not inside.show(tree, frame, inside.Picture(known.output, stamp, layers, shot.is_relative(source))):
+    picture = inside.Picture(known.output, stamp, layers, shot.is_relative(source), compat.file_space(source))
+    if not inside.show(tree, frame, picture):
         return messages.text("node_layer", layer=" or ".join(layers))
     _shown_with[tree.session_uid] = source.name, _settings(source)
     return None
@@ -203,7 +204,7 @@ def _show(tree: bpy.types.NodeTree, scene: bpy.types.Scene) -> str | None:
 def _settings(scene: bpy.types.Scene) -> object:
     hush, render = scene.hush, scene.render
     paths = render.filepath, hush.input_folder, hush.output_folder, hush.vector_layer
-    return shot.settings(scene, None)[0], paths, shot.render_size(scene), render.use_multiview
+    return shot.settings(scene, None)[0], paths, shot.render_size(scene), render.use_multiview, compat.file_space(scene)
 
 
 def _files(scene: bpy.types.Scene) -> object:

@@ -26,11 +26,12 @@ _NOWHERE = (0.0, 0.02, 0.15)
 
 @dataclass
 class Shown:
-    """What is shown: the worker's folder, its result, the image's identity, and what its editors showed before."""
+    """What is shown: the worker's folder, its result, their colour space, the image's identity, and what its editors showed before."""
 
     scene_name: str
     folder: Path
     result: dict[str, Any]
+    space: str
     image_uid: int = 0
     before: list[tuple[bpy.types.SpaceImageEditor, str]] = field(default_factory=list)
 
@@ -74,7 +75,7 @@ def _add(view: str, wipe: float, spaces: list[bpy.types.SpaceImageEditor]) -> No
     made = bpy.data.images.load(str(_file(_shown)), check_existing=False)
     _shown.image_uid = made.session_uid
     made.name = NAME
-    compat.use_working_space(made)
+    compat.use_space(made, _shown.space)
     for space in spaces:
         if not any(space == known for known, _ in _shown.before):
             _shown.before.append((space, space.image.name_full if space.image else ""))

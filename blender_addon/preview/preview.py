@@ -11,7 +11,7 @@ import bpy
 from bpy.app.handlers import persistent
 from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
-from .. import messages, shot
+from .. import compat, messages, shot
 from ..jobs import background
 from ..messages import Refusal
 from . import display
@@ -111,6 +111,8 @@ class HUSH_OT_preview_frame(background.JobOperator, bpy.types.Operator):
     _job: PreviewJob | None = None
     _editor: bpy.types.SpaceImageEditor | None = None
     _scene_name = ""
+    # The colour space of the scene's files, and so of the preview.
+    _space = ""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -123,7 +125,7 @@ class HUSH_OT_preview_frame(background.JobOperator, bpy.types.Operator):
     def _start(self, context: bpy.types.Context, scene: bpy.types.Scene) -> PreviewJob:
         global _running
         layer = context.view_layer.name if context.view_layer and scene == context.scene else ""
-        self._scene_name, self._editor = scene.name, display.editor(context)
+        self._scene_name, self._editor, self._space = scene.name, display.editor(context), compat.file_space(scene)
         _running = PreviewJob(scene.name, *arguments(scene, layer, flicker=self.flicker))
         return _running
 
@@ -137,12 +139,13 @@ class HUSH_OT_preview_frame(background.JobOperator, bpy.types.Operator):
                 time.sleep(background.TICK / 4)
         except KeyboardInterrupt:
             self._drop()
+            self.report({"ERROR"}, messages.text("preview_stopped"))
             return {"CANCELLED"}
         return self._finish()
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Looks at the worker now and then; every other event goes on to Blender."""
-        if event.type == "ESC" and event.value == "PRESS":
+        if background.is_stop(event):
             self._hide(context)
             self._drop()
             self.report({"INFO"}, messages.text("preview_stopped"))
@@ -178,7 +181,7 @@ class HUSH_OT_preview_frame(background.JobOperator, bpy.types.Operator):
         elif VIEWS[_view["view"]][0] == "FLICKER":
             _view["view"] = 0
         editor = self._editor if self._editor in display.editors() else None
-        display.show(display.Shown(self._scene_name, done.folder, done.result), *view_of(), editor)
+        display.show(display.Shown(self._scene_name, done.folder, done.result, self._space), *view_of(), editor)
         for text in notes(done.result):
             self.report({"WARNING"}, text)
         text = in_words(done.result)

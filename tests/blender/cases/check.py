@@ -146,6 +146,25 @@ def test_folders_that_cannot_be_used() -> None:
         raise AssertionError("no error was reported")
 
 
+def test_frames_that_are_all_there_may_lie_where_nothing_can_be_written() -> None:
+    """As on a server that only the farm writes to; frames that are still to be rendered may not."""
+    scene, frames = shot_scene("read-only")
+    scene.hush.output_folder = str(kit.folder("read-only-elsewhere"))
+    files, whole_shot = kit.module("checks.files"), kit.module("denoising.whole_shot")
+    closed = lambda folder, **_: f"{folder} is closed" if folder == frames else None
+    real, files.why_not_writable, check.why_not_writable = files.why_not_writable, closed, closed
+    try:
+        assert found(scene) == {}
+        kit.refused(bpy.ops.hush.whole_shot, "is closed", render_again=True)
+        (frames / "frame_0003.exr").unlink()
+        assert "is closed" in found(scene)["render_folder"]
+        assert len(kit.module("denoising.denoise").runs(scene)) == 1
+        kit.refused(bpy.ops.hush.whole_shot, "is closed")
+    finally:
+        files.why_not_writable = check.why_not_writable = real
+    assert whole_shot.to_render(scene) == [3]
+
+
 def test_lambda_that_leaves_its_range() -> None:
     scene, _ = shot_scene()
     for frame, value in ((1, 40.0), (3, 64.0), (5, 40.0)):

@@ -15,6 +15,7 @@ from composites import (
     combined,
     compat,
     composite,
+    contents,
     denoised_scene,
     plain,
     refused,
@@ -257,3 +258,50 @@ def red_of_views(path: Path) -> dict[str, np.ndarray]:
                 view = part.header.get("view") or ("right" if "right" in words else "left")
                 found[view] = channel.pixels.astype(np.float32)
     return found
+
+
+def test_file_output_nodes_with_templates() -> None:
+    """`{blend_dir}` is the folder of the artist's file, not of its copy; what is filled in does not get around the guard."""
+    if bpy.app.version < (5, 0):
+        return
+    scene, folder = denoised_scene("templates", frames=1)
+    blend = kit.folder("templates-file") / "shot.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(blend))
+    tree, layers, _ = tree_of(scene)
+    good, bad = file_output(tree, Path("{blend_dir}/extra_{node_name}"), "{scene_name}_"), file_output(tree, folder, "frame_")
+    scene.name = folder.name
+    bad.directory = str(folder.parent / "{scene_name}")
+    for node in (good, bad):
+        tree.links.new(layers.outputs["Image"], node.inputs[0])
+    noisy = (folder / "frame_0001.exr").read_bytes()
+    state, reports = composite.outcome(kit.ended(composite.start(scene)))
+    assert state == "FINISHED" and any(bad.name in text and "replace" in text for _, text in reports), reports
+    assert (folder / "frame_0001.exr").read_bytes() == noisy, "the noisy frame was written over"
+    assert kit.files(blend.parent) == [f"extra_{good.name}/{scene.name}_0001.exr", "shot.blend"]
+
+
+def test_a_folder_beside_a_file_that_is_not_saved() -> None:
+    scene, _ = denoised_scene("unsaved", frames=1)
+    tree_of(scene)
+    scene.hush.composite_folder = "//composited"
+    refused("not saved yet")
+
+
+def test_what_is_left_in_the_folder_of_the_copy_is_no_trouble() -> None:
+    place = kit.folder("copy")
+    (place / "inner").mkdir()
+    (place / "inner" / "file").write_text("x")
+    (place / "shot.blend").write_text("x")
+    contents.remove_copy(place / "shot.blend")
+    assert not place.exists()
+
+
+def test_files_in_another_colour_space() -> None:
+    """Output › Color Management: the frames are read in the space they were written in, and the composite is written in it again."""
+    scene, folder = denoised_scene("space", frames=1)
+    tree_of(scene, node=True)
+    settings = scene.render.image_settings
+    settings.color_management, settings.linear_colorspace_settings.name = "OVERRIDE", "ACEScg"
+    assert untouched() == {"FINISHED"}
+    name = "frame_0001.exr"
+    kit.assert_close(plain(folder / "composited" / name)[..., :3], combined(folder / "denoised" / name)[..., :3], HALF, name)

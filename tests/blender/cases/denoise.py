@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import bpy
 import kit
 import numpy as np
-from windows import Window
+from windows import Window, foreground
 
 denoise = kit.module("denoising.denoise")
 job = kit.module("jobs.job")
@@ -382,6 +382,10 @@ def test_in_a_window_esc_stops_after_the_frame_in_hand() -> None:
     assert fake._begin(window)
     while not (frames / "denoised" / names[0]).exists():
         press(fake, window, "TIMER")
+    background = kit.module("jobs.background")
+    with foreground(background, rendering=True):
+        # Esc is for the render then, which is none of Hush's.
+        assert press(fake, window, "ESC") == {"PASS_THROUGH"} and not fake._job.cancelled
     assert press(fake, window, "ESC") == {"RUNNING_MODAL"}
     assert "Stopping" in window.shown[-1]
     assert ticks(fake, window) == {"CANCELLED"}

@@ -138,3 +138,24 @@ def test_the_sidebar_is_beside_the_compositor_only() -> None:
     for kind, there in (("CompositorNodeTree", True), ("ShaderNodeTree", False)):
         assert panel.poll(SimpleNamespace(space_data=SimpleNamespace(tree_type=kind))) == there
     assert (panel.bl_space_type, panel.bl_region_type, panel.bl_category) == ("NODE_EDITOR", "UI", "Hush")
+
+
+def test_drawing_does_not_look_at_the_disk() -> None:
+    scene, _ = frames.scene_with_node(kit.copy_of_shot("undisturbed"))
+    kit.module("refresh").look()
+    check, shot = kit.module("checks.check"), kit.module("shot")
+
+    def fails(*_: object, **__: object) -> None:
+        raise AssertionError("it looks at the disk")
+
+    real = shot._patterns_in, check.file_problems
+    shot._patterns_in = check.file_problems = fails
+    check._seen[scene.session_uid] = (None, 0.0, check._seen[scene.session_uid][2])
+    seen: list[str] = []
+    try:
+        shown = draw()
+        check.HUSH_OT_check_shot.draw(SimpleNamespace(layout=Layout(seen), scene=""), SimpleNamespace(scene=scene))
+    finally:
+        shot._patterns_in, check.file_problems = real
+    assert "undisturbed" in shown and "denoised" in shown
+    assert seen

@@ -6,7 +6,9 @@ import errno
 import os
 import shutil
 import time
+from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import frames
@@ -107,3 +109,31 @@ def test_nodes_wait_for_the_render() -> None:
         app.is_job_running = lambda _: False
         refresh._tick()
     assert node.is_on(made.node_tree), "it was not changed afterwards"
+
+
+def test_a_panel_writes_nothing() -> None:
+    """Whether a folder can be written to is only tried where a button is pressed."""
+    scene, written = kit.build_scene("plain", kit.copy_of_shot("unwritten")), []
+    real, files.tempfile = files.tempfile, SimpleNamespace(TemporaryFile=lambda **named: written.append(named) or nullcontext())
+    try:
+        check.forget()
+        refresh.look()
+        assert not written, written
+        check.problems(scene, fresh=True)
+        assert written
+    finally:
+        files.tempfile = real
+
+
+def test_without_a_node_a_change_costs_no_look() -> None:
+    scene = kit.build_scene("plain", kit.copy_of_shot("without"))
+    real, looked = node.sync, []
+    node.sync = lambda *scenes: looked.append(scenes)
+    try:
+        refresh.look(nodes_only=True)
+        assert not looked
+        node.new(kit.module("compat").ensure_compositor_tree(scene))
+        refresh.look(nodes_only=True)
+        assert looked
+    finally:
+        node.sync = real

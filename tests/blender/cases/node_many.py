@@ -168,3 +168,63 @@ def test_a_compositor_that_is_switched_off_stays_off() -> None:
     assert not scene.use_nodes and len(scene.node_tree.nodes) == before
     scene.use_nodes = True
     assert bpy.ops.hush.add_node() == {"CANCELLED"} and len(scene.node_tree.nodes) == before
+
+
+def test_a_scene_that_composites_another_keeps_its_links() -> None:
+    """The node goes behind the other scene's Render Layers and shows that scene."""
+    rendered = kit.build_scene()
+    comp = bpy.data.scenes.new("Comp")
+    tree = kit.module("compat").ensure_compositor_tree(comp)
+    (layers,) = (each for each in tree.nodes if each.bl_idname == "CompositorNodeRLayers")
+    layers.scene = rendered
+    blur = tree.nodes.new("CompositorNodeBlur")
+    tree.links.new(layers.outputs["Image"], blur.inputs[0])
+    tree.links.new(blur.outputs[0], output(comp))
+    with bpy.context.temp_override(scene=comp):
+        assert bpy.ops.hush.add_node() == {"FINISHED"}
+    (node,) = kit.module("nodes.node").nodes(comp)
+    assert output(comp).links[0].from_node == blur, "the composite is cut off"
+    assert node.inputs[0].links[0].from_node == layers and [link.to_node for link in node.outputs[0].links] == [blur]
+    assert node.node_tree.hush.scene == rendered
+
+
+def test_without_render_layers_no_link_is_replaced() -> None:
+    scene = kit.build_scene()
+    tree = kit.module("compat").ensure_compositor_tree(scene)
+    for each in [each for each in tree.nodes if each.bl_idname == "CompositorNodeRLayers"]:
+        tree.nodes.remove(each)
+    shown = tree.nodes.new("CompositorNodeImage")
+    shown.image = bpy.data.images.new("Plate", 8, 8)
+    tree.links.new(shown.outputs["Image"], output(scene))
+    assert bpy.ops.hush.add_node() == {"FINISHED"}
+    assert output(scene).links[0].from_node == shown
+    (node,) = kit.module("nodes.node").nodes(scene)
+    assert not node.outputs[0].is_linked and not node.inputs[0].is_linked
+
+
+def test_muted_links_stay_muted() -> None:
+    scene = kit.build_scene()
+    tree = kit.module("compat").ensure_compositor_tree(scene)
+    output(scene).links[0].is_muted = True
+    assert bpy.ops.hush.add_node() == {"FINISHED"}
+    (node,) = kit.module("nodes.node").nodes(scene)
+    assert node.outputs[0].links[0].is_muted and not node.inputs[0].links[0].is_muted and node.id_data == tree
+
+
+def test_a_library_override_is_left_alone() -> None:
+    """Nodes that are added to one are gone when the file is opened again."""
+    if not frames.BLENDER_5:
+        return
+    library = kit.folder("override") / "library.blend"
+    tree = bpy.data.node_groups.new("Comp", "CompositorNodeTree")
+    bpy.data.libraries.write(str(library), {tree})
+    scene = kit.build_scene()
+    with bpy.data.libraries.load(str(library), link=True) as (_, into):
+        into.node_groups = ["Comp"]
+    override = into.node_groups[0].override_create()
+    if override is None:
+        # Blender 5.3 makes none of node groups.
+        return
+    scene.compositing_node_group = override
+    kit.refused(bpy.ops.hush.add_node, "linked from another file")
+    assert not scene.compositing_node_group.nodes

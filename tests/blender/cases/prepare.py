@@ -202,3 +202,14 @@ def test_other_engines_are_refused() -> None:
         else:
             raise AssertionError("was not refused")
     assert_same(dump(scene), before)
+
+
+def test_a_renamed_layer_for_the_vectors_is_told() -> None:
+    """It is found by its name, so it is not removed."""
+    scene = kit.build_scene()
+    scene.render.use_motion_blur = True
+    assert bpy.ops.hush.prepare_shot() == {"FINISHED"}
+    scene.view_layers["Hush Vectors"].name = "Mine"
+    told = kit.module("record").undo(scene)
+    assert any("Hush Vectors" in text for text in told), told
+    assert "Mine" in scene.view_layers and not scene.hush.prepared

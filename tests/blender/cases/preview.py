@@ -286,3 +286,16 @@ def test_switching_the_extension_off_ends_it() -> None:
     kit.enable()
     preview = kit.module("preview.preview")
     display = kit.module("preview.display")
+
+
+def test_files_in_another_colour_space() -> None:
+    """The preview has the pixels of the file, and so their space."""
+    scene, _ = shot_scene("space")
+    settings = scene.render.image_settings
+    settings.color_management, settings.linear_colorspace_settings.name = "OVERRIDE", "ACEScg"
+    _, here = image_editor()
+    preview_in(here)
+    assert bpy.data.images[NAME].colorspace_settings.name == "ACEScg"
+    preview._set_view("wipe", 0.25)
+    assert bpy.data.images[NAME].colorspace_settings.name == "ACEScg"
+    bpy.ops.hush.end_preview()

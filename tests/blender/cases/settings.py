@@ -211,3 +211,46 @@ def test_a_range_without_frames() -> None:
     scene.frame_start, scene.frame_end = 5, 5
     assert "not denoised yet" in told(scene)
     assert kit.module("status").shot_status(scene).total == 1
+
+
+def test_a_minus_is_a_sign_only_where_no_word_is_before_it() -> None:
+    """As the library reads names."""
+    shot, scene = kit.module("shot"), kit.build_scene()
+    for name, pattern, frame in (
+        ("shot-0007", "shot-####", 7),
+        ("shot_-0007", "shot_####", -7),
+        ("-0007", "####", -7),
+        ("a1-7", "a1-#", 7),
+    ):
+        folder = kit.folder("minus")
+        (folder / f"{name}.exr").write_bytes(b"x")
+        scene.hush.input_folder = str(folder)
+        shot._sequences.clear()
+        assert shot.frame_pattern(scene) == folder / f"{pattern}.exr", name
+        assert shot.frame_file(shot.frame_pattern(scene), frame) == folder / f"{name}.exr"
+        named = kit.module("denoising.denoise")._named(str(folder / f"{name}.exr"))
+        assert named == [(folder / f"{pattern}.exr", [frame])], named
+
+
+def test_what_blender_fills_in_has_no_frame_number() -> None:
+    if bpy.app.version < (5, 0):
+        return
+    shot, scene = kit.module("shot"), kit.build_scene()
+    for path, name in (
+        ("/x/{resolution_x:######}_", "000096_####.exr"),
+        ("/x/{resolution_x:##}_###", "96_###.exr"),
+        ("/x/{fps}_", "24.0_####.exr"),
+    ):
+        scene.render.filepath = path
+        assert shot.frame_pattern(scene) == Path("/x", name), shot.frame_pattern(scene)
+
+
+def test_folders_may_be_beside_the_file() -> None:
+    """Also where Blender wants to be told so."""
+    if "is_path_supports_blend_relative" not in bpy.types.Property.bl_rna.properties:
+        return
+    hush = kit.build_scene().hush.bl_rna.properties
+    operator = bpy.ops.hush.denoise_shot.get_rna_type().properties
+    paths = [each for each in (*hush, *operator) if each.type == "STRING" and each.subtype in ("DIR_PATH", "FILE_PATH")]
+    assert len(paths) == 6, [each.identifier for each in paths]
+    assert all(each.is_path_supports_blend_relative for each in paths), [each.identifier for each in paths]
