@@ -75,8 +75,8 @@ TEXTS = {
     # Files
     "library": "The Hush library does not load in this Blender: {reason}. Install the extension for this system",
     "folder_same": "The denoised frames would replace the rendered ones in {folder}: choose another folder under Denoised Frames",
-    "folder_file": "{place} is a file, not a folder, so frames cannot be written into {folder}: choose another folder under Folders",
-    "folder_closed": "Nothing can be written into {folder}: {reason}. Choose another folder under Folders",
+    "folder_file": "{place} is a file, not a folder, so frames cannot be written into {folder}: choose another folder {where}",
+    "folder_closed": "Nothing can be written into {folder}: {reason}. Choose another folder {where}",
     "files_unread": "The files of the shot cannot be looked at: {reason}",
     "range_empty": "The frame range of the scene is empty: set its Frame Start and End",
     "unrendered_all": "The shot is not rendered yet, there are no frames in {folder}: press Render Animation",

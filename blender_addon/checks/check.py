@@ -10,6 +10,7 @@ import bpy
 from .. import messages, prepare, shot, status
 from ..messages import Refusal
 from ..scene_operator import SceneOperator
+from .files import RENDERED as RENDERED
 from .files import file_problems
 from .files import why_not_writable as why_not_writable
 from .problem import ERROR, INFO, WARNING, Problem

@@ -15,6 +15,9 @@ import bpy
 from .. import messages, shot, status
 from .problem import ERROR, INFO, Problem, problem
 
+# Where Blender writes the rendered frames.
+RENDERED = "in Output › Output Path"
+
 
 def file_problems(scene: bpy.types.Scene, patterns: list[Path], output: Path, frames: range, *, write: bool) -> Iterator[Problem]:
     """All that is not right with a shot's files. With `write` it is tried whether folders can be written to, else only asked."""
@@ -31,7 +34,7 @@ def file_problems(scene: bpy.types.Scene, patterns: list[Path], output: Path, fr
     present, missing = _rendered(patterns, frames)
     # Frames that are all there need only be read.
     if missing and patterns[0].parent != output and not scene.hush.input_folder:
-        wrong = why_not_writable(patterns[0].parent, write=write)
+        wrong = why_not_writable(patterns[0].parent, where=RENDERED, write=write)
         if wrong:
             yield Problem("render_folder", wrong, level=ERROR)
     if not frames:
@@ -48,14 +51,14 @@ def file_problems(scene: bpy.types.Scene, patterns: list[Path], output: Path, fr
         yield from _denoised(scene)
 
 
-def why_not_writable(folder: Path, *, write: bool = True) -> str | None:
-    """Why files cannot be written into a folder, which may not be there yet; None where they can.
+def why_not_writable(folder: Path, *, where: str = "under Folders", write: bool = True) -> str | None:
+    """Why files cannot be written into a folder, which may not be there yet, and `where` another is chosen; None where they can.
 
     Only a file that is written tells for sure, but one must not come and go in the artist's folder as long as a panel is open.
     """
     place = _nearest(folder)
     if not os.path.isdir(place):
-        return messages.text("folder_file", place=place, folder=folder)
+        return messages.text("folder_file", place=place, folder=folder, where=where)
     try:
         if not write:
             if os.access(place, os.W_OK):
@@ -64,7 +67,7 @@ def why_not_writable(folder: Path, *, write: bool = True) -> str | None:
         with tempfile.TemporaryFile(dir=place):
             return None
     except OSError as error:
-        return messages.text("folder_closed", folder=folder, reason=error.strerror or messages.of_error(error))
+        return messages.text("folder_closed", folder=folder, reason=error.strerror or messages.of_error(error), where=where)
 
 
 def _rendered(patterns: list[Path], frames: range) -> tuple[list[Path], list[int]]:

@@ -62,7 +62,7 @@ def begin(scene: bpy.types.Scene, *, render_again: bool) -> tuple[list[int], lis
         # Frames of a folder of their own are rendered elsewhere.
         if todo and scene.hush.input_folder:
             raise Refusal(messages.text("unrendered", frames=todo))
-        wrong = check.why_not_writable(shot.frame_pattern(scene).parent) if todo else None
+        wrong = check.why_not_writable(shot.frame_pattern(scene).parent, where=check.RENDERED) if todo else None
         if wrong:
             raise Refusal(wrong)
 

@@ -165,6 +165,16 @@ def test_frames_that_are_all_there_may_lie_where_nothing_can_be_written() -> Non
     assert whole_shot.to_render(scene) == [3]
 
 
+def test_a_place_that_cannot_be_written_to_says_where_it_is_chosen() -> None:
+    scene, _ = shot_scene()
+    blocked = kit.folder("blocked") / "file"
+    blocked.write_text("")
+    scene.hush.output_folder = str(blocked)
+    assert "under Folders" in found(scene)["folder"]
+    scene.hush.output_folder, scene.render.filepath = str(kit.folder("blocked-elsewhere")), str(blocked / "frame_####")
+    assert "Output › Output Path" in found(scene)["render_folder"]
+
+
 def test_lambda_that_leaves_its_range() -> None:
     scene, _ = shot_scene()
     for frame, value in ((1, 40.0), (3, 64.0), (5, 40.0)):
