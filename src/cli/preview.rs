@@ -7,7 +7,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget};
 
 use super::setting_args::{OfPreviews, QueryArgs};
 use super::signals::stop_handler;
-use super::{CatchSignals, Exit, print, say};
+use super::{CatchSignals, Exit, say, tell};
 use crate::error::{Error, Result};
 use crate::preview::{Preview, Region, Request, SheetOptions, Variant, preview, write_sheet};
 use crate::rules::lambda::Lambda;
@@ -95,7 +95,7 @@ pub(super) fn show_preview(args: &PreviewArgs, catch_signals: CatchSignals) -> R
     }
     write_sheet(&made, &SheetOptions { exposure: args.exposure, before_after: args.before_after }, &args.output)?;
     if !args.quiet {
-        lines(&made).iter().for_each(print);
+        lines(&made).iter().for_each(tell);
     }
     Ok(Exit::Good)
 }
