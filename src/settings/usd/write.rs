@@ -11,6 +11,7 @@ use super::open::with_stage;
 use super::prims::{self, PASS, words};
 use super::values::escaped;
 use crate::error::{Error, Result};
+use crate::io::is_same_file;
 use crate::rules::lambda::Lambda;
 use crate::settings::Kind;
 use crate::settings::layered::Layered;
@@ -43,8 +44,11 @@ struct Below {
 /// it is the stage's only render prim, and a new `RenderPass` where there is none.
 ///
 /// # Errors
-/// The sublayer cannot be read, or has no such prim or several to choose from; a prim path that is none.
+/// The sublayer is the file at `path`, cannot be read, or has no such prim or several to choose from; a prim path that is none.
 pub fn write(path: &Path, settings: &Layered, prim: Option<&str>, sublayer: Option<&Path>) -> Result<String> {
+    if sublayer.is_some_and(|below| is_same_file(below, path)) {
+        return Err(Error::bad_file(path, "is the stage that the layer is to lie over, which would be lost: name another file"));
+    }
     let below = sublayer.map(|file| with_stage(file, |stage| look_below(stage, prim))).transpose()?;
     let (there, metadata, rate) = match below {
         Some(below) => (below.prim, below.metadata, below.frames_per_time_code),
