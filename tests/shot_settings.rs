@@ -109,8 +109,9 @@ fn a_layer_is_never_written_over_the_stage_that_it_lies_over() {
     let shot = Shot::new(1..=1, Look::default());
     stage(&shot, PASS);
     let before = std::fs::read(shot.dir.path().join("shot.usda")).unwrap();
-    for output in ["shot.usda", "shot/../shot.usda"] {
-        let told = refusal(&shot, &["shot", "write", "-o", output, "--sublayer", "shot.usda", "--lambda", "3", "--overwrite"]);
+    put(&shot, "top.usda", "#usda 1.0\n(\n    subLayers = [@./shot.usda@]\n)\n");
+    for (output, below) in [("shot.usda", "shot.usda"), ("shot/../shot.usda", "shot.usda"), ("shot.usda", "top.usda")] {
+        let told = refusal(&shot, &["shot", "write", "-o", output, "--sublayer", below, "--lambda", "3", "--overwrite"]);
         assert!(told.contains("would be lost: name another file"), "{told}");
     }
     assert_eq!(std::fs::read(shot.dir.path().join("shot.usda")).unwrap(), before);

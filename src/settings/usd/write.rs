@@ -38,18 +38,23 @@ struct Below {
     prim: Option<String>,
     metadata: Vec<(&'static str, Value)>,
     frames_per_time_code: f64,
+    /// The files that the stage is made of.
+    layers: Vec<String>,
 }
 
 /// The text of a `.usda` layer to be saved at `path`, with `settings` on the prim, over `sublayer` if there is one. Without a prim
 /// it is the stage's only render prim, and a new `RenderPass` where there is none.
 ///
 /// # Errors
-/// The sublayer is the file at `path`, cannot be read, or has no such prim or several to choose from; a prim path that is none.
+/// The sublayer is or includes the file at `path`, cannot be read, or has no such prim or several to choose from; a prim path that is none.
 pub fn write(path: &Path, settings: &Layered, prim: Option<&str>, sublayer: Option<&Path>) -> Result<String> {
-    if sublayer.is_some_and(|below| is_same_file(below, path)) {
-        return Err(Error::bad_file(path, "is the stage that the layer is to lie over, which would be lost: name another file"));
-    }
     let below = sublayer.map(|file| with_stage(file, |stage| look_below(stage, prim))).transpose()?;
+    if below.iter().flat_map(|below| &below.layers).any(|layer| is_same_file(Path::new(layer), path)) {
+        return Err(Error::bad_file(
+            path,
+            "is a part of the stage that the layer is to lie over, and would be lost: name another file",
+        ));
+    }
     let (there, metadata, rate) = match below {
         Some(below) => (below.prim, below.metadata, below.frames_per_time_code),
         None => (prim.map(str::to_owned), Vec::new(), 1.0),
@@ -69,7 +74,7 @@ fn look_below(stage: &Stage, prim: Option<&str>) -> Result<Below, String> {
     for name in KEPT {
         metadata.extend(stage.stage_metadata(name).map_err(words)?.map(|value| (name, value)));
     }
-    Ok(Below { prim: strongest, metadata, frames_per_time_code: frames_per_time_code(stage)? })
+    Ok(Below { prim: strongest, metadata, frames_per_time_code: frames_per_time_code(stage)?, layers: stage.layer_identifiers() })
 }
 
 fn author(
