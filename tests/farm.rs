@@ -48,6 +48,16 @@ fn what_could_not_be_printed_is_no_success() {
 }
 
 #[test]
+fn a_misspelt_instruction_set_is_refused() {
+    let shot = Shot::new(1..=1, Look::default());
+    for (word, code) in [("portabel", 1), ("Portable", 0), ("neon", 0), ("", 0)] {
+        let ran = command(&shot).args(["inspect", "shot/f_0001.exr"]).env("HUSH_SIMD", word).output().unwrap();
+        assert_eq!(ran.status.code(), Some(code), "{word}: {}", err(&ran));
+        assert_eq!(err(&ran).contains("HUSH_SIMD: 'portabel' is no instruction set: there are portable, neon"), code == 1);
+    }
+}
+
+#[test]
 fn a_retry_of_a_shot_that_is_done_needs_no_writing() {
     let shot = Shot::new(1..=2, Look::default());
     assert!(hush(&shot, &["denoise", "shot", "-o", "out"]).status.success());

@@ -26,6 +26,7 @@ use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
 use crate::error::{Error, Result};
+use crate::simd::Isa;
 
 const EXIT_CODES: &str = "Exit codes:
   0    every frame asked for is there, written now or before
@@ -88,6 +89,11 @@ pub fn run(args: impl IntoIterator<Item = OsString>, catch_signals: CatchSignals
             return if asked { Exit::Good } else { Exit::Nothing } as u8;
         }
     };
+    // Machines of a farm that round in another way than the others are not to go unnoticed.
+    if let Err(error) = Isa::check_wish() {
+        say_error(&error);
+        return Exit::Nothing as u8;
+    }
     let exit = match cli.command {
         Command::Denoise(args) => denoise::denoise(&args, catch_signals),
         Command::Check(args) => check::check(&args),
