@@ -136,6 +136,8 @@ def test_what_can_be_no_setting_is_refused(small: Path, tmp_path: Path) -> None:
     endless.append(endless)
     with pytest.raises(ValueError, match="aovs: is nested too deep"):
         hush.dry_run_sequence(small, tmp_path / "out", aovs=endless)  # type: ignore[arg-type]
+    with pytest.raises(FileNotFoundError, match="gone\\.usda"):
+        hush.dry_run_sequence(small, tmp_path / "out", usd=tmp_path / "gone.usda")
     if os.name != "nt":
         odd = Path(os.fsdecode(os.fsencode(tmp_path) + b"/out\xff"))
         for output in (odd, str(odd)):
