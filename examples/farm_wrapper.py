@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import subprocess
 import sys
 import time
@@ -23,12 +24,16 @@ def chunks(frames: str, size: int) -> list[str]:
 
     >>> chunks("1-10,20", 4)
     ['1-4', '5-8', '9-10', '20-20']
+    >>> chunks("-3-1", 4)
+    ['-3-0', '1-1']
     """
     pieces = []
     for part in frames.split(","):
-        first, _, last = part.partition("-")
-        end = int(last or first)
-        pieces += [f"{start}-{min(start + size - 1, end)}" for start in range(int(first), end + 1, size)]
+        ends = re.fullmatch(r"\s*(-?\d+)\s*(?:-\s*(-?\d+))?\s*", part)
+        if not ends:
+            raise SystemExit(f"--frames: {part!r} is no frame or range: write 1-48,60")
+        first, last = int(ends[1]), int(ends[2] or ends[1])
+        pieces += [f"{start}-{min(start + size - 1, last)}" for start in range(first, last + 1, size)]
     return pieces
 
 
@@ -69,7 +74,7 @@ def main() -> int:
     codes = []
     # On a farm these are tasks on machines; they may write into one folder at once.
     for piece in chunks(arguments.frames, arguments.chunk):
-        command = [arguments.hush, "denoise", arguments.shot, "--output", arguments.output, "--frames", piece, "--json", *options]
+        command = [arguments.hush, "denoise", arguments.shot, "--output", arguments.output, f"--frames={piece}", "--json", *options]
         code = run(command, piece)
         for attempt in range(arguments.retries):
             if code not in WORTH_RETRYING:

@@ -105,6 +105,21 @@ fn a_run_follows_the_stage_frame_by_frame() {
 }
 
 #[test]
+fn a_layer_is_never_written_over_the_stage_that_it_lies_over() {
+    let shot = Shot::new(1..=1, Look::default());
+    stage(&shot, PASS);
+    let before = std::fs::read(shot.dir.path().join("shot.usda")).unwrap();
+    put(&shot, "top.usda", "#usda 1.0\n(\n    subLayers = [@./shot.usda@]\n)\n");
+    for (output, below) in [("shot.usda", "shot.usda"), ("shot/../shot.usda", "shot.usda"), ("shot.usda", "top.usda")] {
+        let told = refusal(&shot, &["shot", "write", "-o", output, "--sublayer", below, "--lambda", "3", "--overwrite"]);
+        assert!(told.contains("would be lost: name another file"), "{told}");
+    }
+    assert_eq!(std::fs::read(shot.dir.path().join("shot.usda")).unwrap(), before);
+    let told = refusal(&shot, &["shot", "show", "shot.usda@/Render/Pass{quality=low}"]);
+    assert!(told.contains("selects a variant"), "{told}");
+}
+
+#[test]
 fn a_stage_may_name_the_frames() {
     let shot = Shot::new(1..=2, Look::default());
     stage(

@@ -78,7 +78,7 @@ def preview_sheet(
     Tone: linear light to sRGB, no view transform. The arguments are those of `preview`, and:
 
     Args:
-        output: The PNG; it appears whole or not at all.
+        output: The PNG, whose name ends in `.png`; it appears whole or not at all.
         lam: One λ or several.
         window: One window or several.
         before_after: Show the rendered frame left of this place, 0…1 of the width, in each denoised tile.

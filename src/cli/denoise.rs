@@ -133,7 +133,8 @@ fn show(job: &Job, plan: &Plan) {
             Action::Skip => "skip, already done".to_string(),
             Action::Fail(reason) => format!("cannot: {}", with_options(reason)),
         };
-        let with = if used.is_empty() { String::new() } else { format!(" with {}", used.join(" ")) };
+        let alone = used.is_empty() || matches!(frame.action, Action::Fail(_));
+        let with = if alone { String::new() } else { format!(" with {}", used.join(" ")) };
         print(format_args!("frame {}: {what}{with}", frame.frame));
     }
 }

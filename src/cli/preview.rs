@@ -1,15 +1,15 @@
 //! `hush preview`: arguments to a request, its sheet, and a line for each combination.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget};
 
 use super::setting_args::{OfPreviews, QueryArgs};
 use super::signals::stop_handler;
-use super::{CatchSignals, Exit, print, say};
+use super::{CatchSignals, Exit, say, tell};
 use crate::error::{Error, Result};
-use crate::preview::{Preview, Region, Request, SheetOptions, Variant, preview, write_sheet};
+use crate::preview::{Preview, Region, Request, SheetOptions, Variant, check_sheet, preview, write_sheet};
 use crate::rules::lambda::Lambda;
 use crate::shot::{CancelToken, Job};
 
@@ -57,16 +57,10 @@ pub(super) struct PreviewArgs {
 
 /// Runs the subcommand.
 pub(super) fn show_preview(args: &PreviewArgs, catch_signals: CatchSignals) -> Result<Exit> {
-    if !args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) {
-        let reason = format!("{} is no name of a PNG: give one that ends in .png", args.output.display());
-        return Err(Error::BadSetting { name: "output", reason });
-    }
     let (sequence, settings) = args.shot.query(&args.inputs).find()?;
     // The job is never run: it says what a run would read.
     let job = Job::of(&settings, sequence, Some(PathBuf::new()))?;
-    if job.sequence.frames.iter().any(|f| same_file(&f.path, &args.output)) {
-        return Err(Error::BadSetting { name: "output", reason: "is one of the frames".into() });
-    }
+    check_sheet(&args.output, &job.sequence)?;
     let one = |value: &f32| Lambda::constant(*value).map(|lambda| lambda.at(args.frame));
     let clamped = args.lambda.iter().filter_map(|value| Lambda::constant(*value).ok()?.note());
     let notes: Vec<String> = settings.notes.iter().cloned().chain(clamped).collect();
@@ -95,13 +89,9 @@ pub(super) fn show_preview(args: &PreviewArgs, catch_signals: CatchSignals) -> R
     }
     write_sheet(&made, &SheetOptions { exposure: args.exposure, before_after: args.before_after }, &args.output)?;
     if !args.quiet {
-        lines(&made).iter().for_each(print);
+        lines(&made).iter().for_each(tell);
     }
     Ok(Exit::Good)
-}
-
-fn same_file(one: &Path, other: &Path) -> bool {
-    one == other || one.canonicalize().ok().zip(other.canonicalize().ok()).is_some_and(|(a, b)| a == b)
 }
 
 fn place(text: &str) -> Result<f64, String> {

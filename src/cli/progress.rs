@@ -8,7 +8,7 @@ use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::advice::with_options;
 use super::estimate::Estimate;
-use super::{print, print_json, say};
+use super::{say, tell, tell_json};
 use crate::shot::{Event, Status, Summary};
 use crate::words::counted;
 
@@ -64,8 +64,8 @@ impl Progress {
     pub fn report(&self, event: &Event<'_>) {
         self.estimate.borrow_mut().take(event, Instant::now());
         match self.mode {
-            Mode::Json => print_json(event),
-            Mode::OpenJd => openjd(event, self.estimate.borrow().share()).into_iter().for_each(print),
+            Mode::Json => tell_json(event),
+            Mode::OpenJd => openjd(event, self.estimate.borrow().share()).into_iter().for_each(tell),
             Mode::Quiet => match event {
                 Event::Error { frame, message } => say(error_text(*frame, message)),
                 Event::Done(summary) => missing(&summary.missing).iter().for_each(|text| say(error_text(None, text))),

@@ -7,13 +7,14 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::setting_args::{OfReports, QueryArgs};
 use super::signals::stop_handler;
-use super::{CatchSignals, Exit, print, say};
+use super::{CatchSignals, Exit, say, tell};
 use crate::error::{Error, Result};
 use crate::network::weights::Weights;
 use crate::report::{MeasureOptions, Measured, Oidn, PAGE, REACH, measure, prepare, write};
 use crate::settings::ShotSettings;
 use crate::shot::{CancelToken, Scope};
 use crate::stability;
+use crate::words::counted;
 
 /// Measures error against run time for the settings worth choosing between, and writes a page about it
 ///
@@ -73,7 +74,7 @@ pub(super) fn report(args: &ReportArgs, catch_signals: CatchSignals) -> Result<E
     catch_signals(stop_handler(&cancel, Some(&args.output)))?;
     if !args.quiet {
         let peer = if options.oidn.is_some() { " and OIDN" } else { "" };
-        say(format_args!("{}: measuring Hush's settings{peer}, {} times each", scope.name, args.repeats));
+        say(format_args!("{}: measuring Hush's settings{peer}, {} each", scope.name, counted(usize::from(args.repeats), "time")));
     }
     let bar = ProgressBar::with_draw_target(Some(0), ProgressDrawTarget::hidden());
     if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} runs · {eta} left") {
@@ -105,8 +106,8 @@ pub(super) fn report(args: &ReportArgs, catch_signals: CatchSignals) -> Result<E
     };
     write(&measured, &args.output)?;
     if !args.quiet {
-        summary(&measured).iter().for_each(print);
-        print(format_args!("{}", args.output.join(PAGE).display()));
+        summary(&measured).iter().for_each(tell);
+        tell(format_args!("{}", args.output.join(PAGE).display()));
     }
     let failed = &measured.report.failed;
     failed.iter().for_each(|(frame, why)| say(format_args!("error: frame {frame}: {why}")));

@@ -7,7 +7,7 @@ use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::advice::with_options;
 use super::progress::{Mode, error_text, line, missing};
-use super::{print_json, say};
+use super::{say, tell_json};
 use crate::shot;
 use crate::watch::{Waiting, WatchEvent, WatchSummary};
 use crate::words::counted;
@@ -29,7 +29,7 @@ impl StatusLine {
     /// Tells about an event.
     pub fn report(&self, event: &WatchEvent<'_>) {
         match self.mode {
-            Mode::Json => print_json(event),
+            Mode::Json => tell_json(event),
             Mode::Quiet => {
                 if let Some(line) = error(event) {
                     say(line);

@@ -1,6 +1,5 @@
 //! Files that appear whole or not at all.
 
-use std::ffi::OsString;
 use std::fs::{self, File};
 use std::hash::{BuildHasher, RandomState};
 use std::io::{self, BufWriter, Write};
@@ -64,10 +63,15 @@ pub fn part_files(folder: &Path) -> Vec<PathBuf> {
     entries.map(|entry| entry.path()).filter(|path| is_part_file(path)).collect()
 }
 
-/// How the unfinished files of one output begin that the process with this token writes.
+/// How the unfinished files of one output begin that the process with this token writes. Of a long name only the end is in it: file
+/// systems take 255 bytes, and an output may have all of them.
 pub fn part_prefix(name: &str, token: &str) -> String {
-    format!(".{name}.hush-{token}-")
+    let begin = (name.len().saturating_sub(LONGEST)..=name.len()).find(|at| name.is_char_boundary(*at));
+    format!(".{}.hush-{token}-", &name[begin.unwrap_or_default()..])
 }
+
+/// Bytes of an output's name in the name of its unfinished file; the rest of that takes up to 70.
+const LONGEST: usize = 180;
 
 /// Whether an unfinished file is one of the process with this token.
 pub fn is_part_of(path: &Path, token: &str) -> bool {
@@ -87,10 +91,8 @@ fn part_path(destination: &Path) -> Result<PathBuf> {
     let name = destination
         .file_name()
         .ok_or_else(|| Error::BadInput { input: destination.display().to_string(), reason: "is not a file name".into() })?;
-    let mut part = OsString::from(".");
-    part.push(name);
-    part.push(format!(".hush-{}-{}.part", process_token(), COUNT.fetch_add(1, Ordering::Relaxed)));
-    Ok(destination.with_file_name(part))
+    let prefix = part_prefix(&name.to_string_lossy(), &process_token());
+    Ok(destination.with_file_name(format!("{prefix}{}.part", COUNT.fetch_add(1, Ordering::Relaxed))))
 }
 
 /// What Windows says while another program has a file open: access denied, a sharing violation, a lock violation.
@@ -225,6 +227,14 @@ mod tests {
         let panicked = std::panic::catch_unwind(|| write_atomically(&path, |_| panic!("on purpose")));
         assert!(panicked.is_err());
         assert!(names(folder.path()).is_empty());
+    }
+
+    #[test]
+    fn a_name_may_have_all_the_letters_that_a_file_system_takes() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(format!("{}.exr", "ü".repeat(125)));
+        write_atomically(&path, |_| Ok(part_files(folder.path()).iter().for_each(|part| assert!(is_part_file(part))))).unwrap();
+        assert!(path.exists() && part_prefix("0001.exr", "t") == ".0001.exr.hush-t-");
     }
 
     #[test]

@@ -21,7 +21,11 @@ impl NumberPattern {
             if length > 0 {
                 places.push((at, length, digits));
             }
-            at += if length > 0 { length } else { rest.chars().next().map_or(1, char::len_utf8) };
+            at += match length {
+                0 if rest.starts_with("%%") => 2,
+                0 => rest.chars().next().map_or(1, char::len_utf8),
+                _ => length,
+            };
         }
         match places.as_slice() {
             [] => Ok(None),
@@ -113,6 +117,13 @@ mod tests {
         assert_eq!(found(&["frame_0001_v02.exr", "frame_0002_v02.exr", "other_0007_v01.exr", "frame_0010_v02.exr"]), pattern);
         assert_eq!(found(&["a_1_é2_3.exr", "a_1_é7_3.exr"]), Some(("a_1_é#_3.exr".into(), 2)));
         assert_eq!(found(&["a_0001.exr", "b_0002.exr", "c.exr"]), None);
+    }
+
+    #[test]
+    fn two_percent_signs_are_one() {
+        let pattern = NumberPattern::parse("50%%d_%04d.exr").unwrap().unwrap();
+        assert_eq!((pattern.name(7), pattern.number("50%d_0012.exr")), ("50%d_0007.exr".into(), Some((12, 4))));
+        assert!(NumberPattern::parse("%d_%04d.exr").is_err() && NumberPattern::parse("a%%d.exr").unwrap().is_none());
     }
 
     #[test]

@@ -18,7 +18,7 @@ pub struct PassRef {
 }
 
 /// Data window of a pass: columns, rows, origin.
-pub(super) type DataWindow = (usize, usize, [i32; 2]);
+pub(crate) type DataWindow = (usize, usize, [i32; 2]);
 
 impl PassRef {
     /// A pass of a layer with some of its channels.
@@ -27,7 +27,7 @@ impl PassRef {
     }
 
     /// The data window of its part.
-    pub(super) fn data_window(&self, layout: &Layout) -> Option<DataWindow> {
+    pub(crate) fn data_window(&self, layout: &Layout) -> Option<DataWindow> {
         let part = layout.part_list.get(self.channels.first()?.part)?;
         Some((part.columns, part.rows, part.origin))
     }

@@ -17,4 +17,4 @@ mod wipe;
 pub use flicker::{Flicker, MOST_CHANGE};
 pub use images::{LayerPreview, Preview, Request, Variant, preview};
 pub use region::Region;
-pub use sheet::{SheetOptions, sheet, write_sheet};
+pub use sheet::{SheetOptions, check_sheet, sheet, write_sheet};

@@ -9,7 +9,8 @@ use super::images::{LayerPreview, Preview, Variant};
 use super::tile::{NOWHERE, Scale, change, light};
 use super::wipe::{line, wipe};
 use crate::error::{Error, Result};
-use crate::io::write_atomically;
+use crate::io::sequence::Sequence;
+use crate::io::{is_same_file, write_atomically};
 use crate::picture::drawing::{Anchor, Drawing, Ink, Shape};
 use crate::picture::false_colour::false_colour;
 use crate::picture::pixels::pixmap;
@@ -93,12 +94,33 @@ pub fn sheet(preview: &Preview, options: &SheetOptions) -> Result<Vec<u8>> {
     page.encode_png().map_err(|e| Error::BadInput { input: "sheet".into(), reason: e.to_string() })
 }
 
+/// Whether a sheet may be written there; to be asked before the work.
+///
+/// # Errors
+/// The name is not that of a PNG, or the file is one of the frames.
+pub fn check_sheet(path: &Path, frames: &Sequence) -> Result<()> {
+    check_name(path)?;
+    match frames.frames.iter().any(|frame| is_same_file(&frame.path, path)) {
+        true => Err(Error::BadSetting { name: "output", reason: "is one of the frames".into() }),
+        false => Ok(()),
+    }
+}
+
+fn check_name(path: &Path) -> Result<()> {
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) {
+        return Ok(());
+    }
+    let reason = format!("{} is no name of a PNG: give one that ends in .png", path.display());
+    Err(Error::BadSetting { name: "output", reason })
+}
+
 /// Writes the sheet, whole or not at all.
 ///
 /// # Errors
-/// As [`sheet`], and where the file cannot be written.
+/// As [`sheet`], and where the name is not that of a PNG or the file cannot be written.
 pub fn write_sheet(preview: &Preview, options: &SheetOptions, path: &Path) -> Result<()> {
     use std::io::Write;
+    check_name(path)?;
     let bytes = sheet(preview, options)?;
     write_atomically(path, |file| file.write_all(&bytes).map_err(|e| Error::io(path, e)))
 }

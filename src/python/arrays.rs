@@ -88,7 +88,8 @@ pub fn dial_of(given: Option<&Bound<'_, PyAny>>, (rows, columns): (usize, usize)
     let Some(given) = given else { return Ok(otherwise.into()) };
     let is_array = given.py().import("numpy").is_ok() && given.cast::<PyUntypedArray>().is_ok_and(|array| array.ndim() > 0);
     if !is_array {
-        return Ok(check_lam(given.extract()?)?.into());
+        let number: f64 = given.extract().map_err(|e: PyErr| PyTypeError::new_err(format!("lam: {}", e.value(given.py()))))?;
+        return Ok(check_lam(number)?.into());
     }
     let array = floats("lam", given)?;
     if array.shape() != [rows, columns] {

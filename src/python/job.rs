@@ -71,7 +71,7 @@ fn given(options: &Bound<'_, PyDict>) -> PyResult<Layered> {
     let mut table = Map::new();
     for setting in SETTINGS {
         if let Some(value) = options.get_item(setting.python())?.filter(|value| !value.is_none()) {
-            let said = as_json(&value).map_err(|e| {
+            let said = as_json(&value, 0).map_err(|e| {
                 let reason = format!("{}: {}", setting.python(), e.value(options.py()));
                 if e.is_instance_of::<PyValueError>(options.py()) {
                     PyValueError::new_err(reason)
@@ -89,8 +89,15 @@ fn given(options: &Bound<'_, PyDict>) -> PyResult<Layered> {
     })
 }
 
+/// No setting's value is nested deeper; a list that holds itself is.
+const DEEPEST: usize = 8;
+
 /// A value as JSON: paths as texts, what can be gone through as a list, a mapping from numbers as a list of pairs.
-fn as_json(value: &Bound<'_, PyAny>) -> PyResult<Value> {
+fn as_json(value: &Bound<'_, PyAny>, depth: usize) -> PyResult<Value> {
+    if depth > DEEPEST {
+        return Err(PyValueError::new_err("is nested too deep"));
+    }
+    let inner = |value: &Bound<'_, PyAny>| as_json(value, depth + 1);
     if let Ok(flag) = value.extract::<bool>() {
         return Ok(flag.into());
     }
@@ -105,18 +112,18 @@ fn as_json(value: &Bound<'_, PyAny>) -> PyResult<Value> {
         return sound.ok_or_else(|| PyValueError::new_err(format!("{number} is no number that can be used")));
     }
     if let Ok(path) = value.extract::<PathBuf>() {
-        return Ok(path.to_string_lossy().into());
+        return path.to_str().map(Value::from).ok_or_else(|| PyValueError::new_err(format!("{} is not UTF-8", path.display())));
     }
     if let Ok(mapping) = value.cast::<PyMapping>() {
         let pairs: Vec<(Bound<'_, PyAny>, Bound<'_, PyAny>)> = mapping.items()?.extract()?;
-        if let Ok(named) = pairs.iter().map(|(key, value)| Ok((key.extract()?, as_json(value)?))).collect::<PyResult<Map<_, _>>>()
+        if let Ok(named) = pairs.iter().map(|(key, value)| Ok((key.extract()?, inner(value)?))).collect::<PyResult<Map<_, _>>>()
             && !named.is_empty()
         {
             return Ok(named.into());
         }
-        return pairs.iter().map(|(key, value)| Ok(Value::Array(vec![as_json(key)?, as_json(value)?]))).collect();
+        return pairs.iter().map(|(key, value)| Ok(Value::Array(vec![inner(key)?, inner(value)?]))).collect();
     }
-    value.try_iter()?.map(|item| as_json(&item?)).collect()
+    value.try_iter()?.map(|item| inner(&item?)).collect()
 }
 
 /// A keyword's value; one of another type is a TypeError that names it.

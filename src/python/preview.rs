@@ -1,6 +1,6 @@
 //! One frame by several settings, as arrays or as a sheet.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use ndarray::{Array2, Array3, s};
@@ -12,7 +12,9 @@ use super::arrays::to_numpy;
 use super::job::{Keywords, get};
 use super::settings::{check_lam, check_window};
 use crate::error::Error;
-use crate::preview::{Flicker, LayerPreview, Preview, Region, Request, SheetOptions, Variant, preview as make, write_sheet};
+use crate::preview::{
+    Flicker, LayerPreview, Preview, Region, Request, SheetOptions, Variant, check_sheet, preview as make, write_sheet,
+};
 use crate::shot::CancelToken;
 
 /// The first layer of a preview by its first setting; `options` are the keywords of `hush.preview`.
@@ -23,7 +25,7 @@ pub fn preview(
     progress: Option<Py<PyAny>>,
     cancel: Option<Py<PyAny>>,
 ) -> PyResult<Py<PyDict>> {
-    let mut made = made(py, options, Calls::new(progress, cancel))?;
+    let mut made = made(py, options, Calls::new(progress, cancel), None)?;
     let found = PyDict::new(py);
     about(&made, &found)?;
     if made.layers.is_empty() {
@@ -61,7 +63,7 @@ pub fn preview_sheet(
         return Err(Error::BadSetting { name: "before_after", reason }.into());
     }
     let shown = SheetOptions { exposure: get(options, "exposure")?, before_after };
-    let made = made(py, options, Calls::new(progress, cancel))?;
+    let made = made(py, options, Calls::new(progress, cancel), Some(&output))?;
     py.detach(|| write_sheet(&made, &shown, &output))?;
     let found = PyDict::new(py);
     about(&made, &found)?;
@@ -111,7 +113,8 @@ impl Calls {
     }
 }
 
-fn made(py: Python<'_>, options: &Bound<'_, PyDict>, calls: Calls) -> PyResult<Preview> {
+/// `sheet` is where one will be written.
+fn made(py: Python<'_>, options: &Bound<'_, PyDict>, calls: Calls, sheet: Option<&Path>) -> PyResult<Preview> {
     let keywords = Keywords::new(options)?;
     let lams: Vec<f64> = get(options, "lams")?;
     let lambdas: Vec<f32> = lams.into_iter().map(check_lam).collect::<PyResult<_>>()?;
@@ -121,6 +124,7 @@ fn made(py: Python<'_>, options: &Bound<'_, PyDict>, calls: Calls) -> PyResult<P
     let region = region.map(|(x, y, width, height)| format!("{x},{y},{width},{height}").parse::<Region>()).transpose()?;
     let (frame, flicker): (i64, bool) = (get(options, "frame")?, get(options, "flicker")?);
     let job = py.detach(|| keywords.job_without_output())?;
+    sheet.map(|sheet| check_sheet(sheet, &job.sequence)).transpose()?;
     let engine = py.detach(|| job.settings.engine())?;
     let request = Request {
         frame,

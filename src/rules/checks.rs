@@ -14,7 +14,7 @@ pub enum WarningKind {
     MissingFrames,
     /// Only every second frame, or fewer, is there, so that neighbours cannot help.
     FrameStep,
-    /// The frames are not all of one resolution.
+    /// The frames are not all of one resolution, or their crop moves.
     Resolution,
     /// Frames have no Vector pass.
     NoVector,
@@ -67,6 +67,8 @@ pub struct Header {
     pub columns: usize,
     /// Pixels.
     pub rows: usize,
+    /// Where the upper left corner lies in the picture: not at 0, 0 where the frame is cropped.
+    pub origin: [i32; 2],
     /// A Vector pass will be read.
     pub vector: bool,
     /// The beauty is `Noisy Image`, and there is a Combined beside it.
@@ -113,14 +115,23 @@ pub fn apart(step: i64) -> Option<Warning> {
     (step > 1).then(|| Warning::new(WarningKind::FrameStep, message))
 }
 
-/// Frames of another resolution than most.
+/// Frames of another resolution than most, or cropped at another place.
 pub fn resolution(headers: &[Header]) -> Option<Warning> {
     let mut sizes: BTreeMap<(usize, usize), Vec<i64>> = BTreeMap::new();
     for h in headers {
         sizes.entry((h.columns, h.rows)).or_default().push(h.number);
     }
     if sizes.len() < 2 {
-        return None;
+        let first = headers.first()?;
+        let moved = headers.iter().find(|h| h.origin != first.origin)?;
+        let at = |h: &Header| format!("{}, {} in frame {}", h.origin[0], h.origin[1], h.number);
+        let message = format!(
+            "the crop moves: the data window begins at {} and at {}: such frames do not help each other; render the shot again with one \
+             crop",
+            at(first),
+            at(moved)
+        );
+        return Some(Warning::new(WarningKind::Resolution, message));
     }
     let show = |((c, r), n): (&(usize, usize), &Vec<i64>)| format!("{c}×{r} in {}", words::frames(n));
     let list = sizes.iter().map(show).collect::<Vec<_>>().join(", ");
@@ -206,13 +217,25 @@ mod tests {
     use super::*;
 
     fn header(number: i64) -> Header {
-        Header { number, columns: 8, rows: 4, vector: true, noisy_image: false, unsure: false, missing: vec![], notes: vec![] }
+        Header {
+            number,
+            columns: 8,
+            rows: 4,
+            origin: [0, 0],
+            vector: true,
+            noisy_image: false,
+            unsure: false,
+            missing: vec![],
+            notes: vec![],
+        }
     }
 
     #[test]
     fn a_sound_shot_gets_no_warning() {
         let headers = [header(1), header(2)];
         assert_eq!(resolution(&headers), None);
+        let moved = Header { origin: [3, -1], ..header(2) };
+        assert!(resolution(&[header(1), moved]).unwrap().message.contains("0, 0 in frame 1 and at 3, -1 in frame 2"));
         assert_eq!(no_vector(&headers), None);
         assert_eq!(noisy_image(&headers), None);
         assert_eq!(maybe_denoised(&headers), None);

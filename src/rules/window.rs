@@ -23,7 +23,8 @@ pub enum Unused {
     Bad,
     /// It has another resolution.
     OtherSize,
-    /// It has other views or other light passes, or an albedo where the frame has none, or none where it has one.
+    /// It has other views or other light passes, an albedo where the frame has none, or none where it has one, or it is cropped at
+    /// another place.
     OtherPasses,
     /// The frame itself has no Vector pass to find its neighbours with.
     NoVector,
@@ -51,7 +52,7 @@ pub enum Availability {
     Missing,
     /// The file cannot be read.
     Bad,
-    /// Readable. `passes` differs where the views or the light passes differ, or one has an albedo.
+    /// Readable. `passes` differs where the views, the light passes or the places of the crop differ, or one has an albedo.
     Good { columns: usize, rows: usize, vector: bool, passes: u64 },
 }
 

@@ -46,8 +46,9 @@ pub fn set_stage_reader(reader: StageReader) {
 /// As [`usd::read`](super::usd::read), in a process of its own. Where nobody has said how that is started, in this process.
 ///
 /// # Errors
-/// As [`usd::read`](super::usd::read); [`Error::BadFile`] where the process cannot be started, or ends on the stage.
+/// As [`usd::read`](super::usd::read); [`Error::Io`] where there is no such file; [`Error::BadFile`] where the process cannot be started, or ends on the stage.
 pub fn read_apart(stage: &StageRef) -> Result<Layered> {
+    std::fs::File::open(&stage.file).map_err(|e| Error::io(&stage.file, e))?;
     let bad = |reason: String| Error::bad_file(&stage.file, format!("{reason}; {INSTEAD}"));
     let (program, arguments) = match READER.get() {
         None => return read(stage),

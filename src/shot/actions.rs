@@ -14,7 +14,7 @@ use super::output::output_path;
 use super::planned_frame::{Action, PlannedFrame};
 use super::sources::Sources;
 use crate::error::{Error, Result};
-use crate::rules::window::{WindowFrame, neighbours};
+use crate::rules::window::{Unused, WindowFrame, neighbours};
 use crate::words::{self, counted};
 
 /// The frames of the range.
@@ -107,7 +107,11 @@ pub(super) fn plan_frames(
         let numbers: Vec<i64> = worse.iter().map(|(n, _)| *n).collect();
         return Err(Error::BadInput {
             input: job.output.display().to_string(),
-            reason: format!("holds {} better than this run would make them of the same files: {why}", words::frames(&numbers)),
+            reason: format!(
+                "holds {} better than this run would make {} of the same files: {why}",
+                words::frames(&numbers),
+                if numbers.len() == 1 { "it" } else { "them" }
+            ),
         });
     }
     Ok(frames)
@@ -125,13 +129,14 @@ fn why_worse(job: &Job, entry: &Entry, manifest: &Manifest, vectors: Option<&str
     let lost = old.vector_layer().filter(|layer| job.settings.vector_layer.is_none() && Some(*layer) != vectors);
     if let Some(layer) = lost {
         return Some(format!(
-            "they have the motion vectors of view layer {layer}, which is not named any more: set vector layer to '{layer}', or set \
+            "made with the motion vectors of view layer {layer}, which is not named any more: set vector layer to '{layer}', or set \
              overwrite to true"
         ));
     }
     let alone = !window.iter().any(|n| n.unused.is_none());
-    alone.then(|| {
-        "the frames beside them helped, and now there are no motion vectors for that: set window to 0, or set overwrite to true"
-            .into()
-    })
+    let (why, mend) = match window.iter().any(|n| n.unused == Some(Unused::NoVector)) {
+        true => ("frames beside helped, and now there are no motion vectors for that", ""),
+        false => ("frames beside helped, which now are missing, damaged or of another size", "render those again, or "),
+    };
+    alone.then(|| format!("{why}: {mend}set window to 0, or set overwrite to true"))
 }

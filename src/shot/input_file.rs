@@ -38,10 +38,12 @@ impl InputFile {
         notes.dedup();
         missing.sort();
         missing.dedup();
+        let origin = first.and_then(|v| v.colour.data_window(&layout)).map_or([0, 0], |(_, _, origin)| origin);
         let header = Header {
             number,
             columns: first.map_or(layout.columns, |v| v.columns),
             rows: first.map_or(layout.rows, |v| v.rows),
+            origin,
             vector: !views.is_empty() && views.iter().all(|v| v.vector.is_some()),
             noisy_image: views.iter().any(|v| v.colour != v.target),
             unsure: views.iter().any(|v| !v.surely_noisy),
@@ -49,6 +51,8 @@ impl InputFile {
             notes,
         };
         let mut hasher = DefaultHasher::new();
+        // Vectors lead from pixel to pixel of the picture, not of what is cropped from it.
+        origin.hash(&mut hasher);
         for view in &views {
             (view.columns, view.rows, &view.layer, &view.view, view.albedo.is_some()).hash(&mut hasher);
             view.aovs.iter().for_each(|a| a.name.hash(&mut hasher));

@@ -23,6 +23,9 @@ pub(super) fn check_output(job: &Job) -> Result<()> {
     if job.output.exists() && !job.output.is_dir() {
         return bad("is a file: name a folder".into());
     }
+    if job.output.is_symlink() && !job.output.exists() {
+        return bad("is a link that leads nowhere: name a folder, or make the one that it leads to".into());
+    }
     let folder = real_folder(&job.output);
     let mut others: BTreeSet<&Path> = BTreeSet::new();
     for frame in &job.sequence.frames {
@@ -134,7 +137,9 @@ mod tests {
         std::os::unix::fs::symlink(&real, dir.path().join("alias")).unwrap();
         let sequence = Sequence::find(&[&links]).unwrap();
         assert!(check_output(&Job::new(sequence.clone(), &real)).is_err());
-        assert!(check_output(&Job::new(sequence, dir.path().join("alias"))).is_err());
+        assert!(check_output(&Job::new(sequence.clone(), dir.path().join("alias"))).is_err());
+        std::os::unix::fs::symlink("nowhere", dir.path().join("dead")).unwrap();
+        assert!(check_output(&Job::new(sequence, dir.path().join("dead"))).is_err());
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! The plan of a run, made from headers alone: what to write, with which neighbours, what to skip and why.
 
 use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
@@ -10,7 +11,7 @@ use super::file_state::{FileMemory, FileState};
 use super::frame_settings::FrameSettings;
 use super::job::Job;
 use super::ledger::Ledger;
-use super::manifest::{DAMAGED, Entry, Manifest, NeighbourEntry};
+use super::manifest::{DAMAGED, Entry, MANIFEST, Manifest, NeighbourEntry};
 use super::output::check_output;
 use super::planned_frame::{Action, PlannedFrame};
 use super::sources::{Sources, open_sources};
@@ -43,7 +44,7 @@ impl Plan {
     /// Reads the headers of the range and its neighbours, and the output folder's manifest. Writes nothing.
     ///
     /// # Errors
-    /// A setting out of range, an output folder that holds the inputs or foreign files of the same names, a manifest that
+    /// A setting out of range, a path that is not UTF-8, an output folder that holds the inputs or foreign files of the same names, a manifest that
     /// cannot be read or is of a later version, no usable frame, a window asked for without a Vector pass; with `strict` any
     /// missing or bad frame and a changing resolution.
     pub fn new(job: &Job) -> Result<Self> {
@@ -53,6 +54,7 @@ impl Plan {
     /// As [`Plan::new`], for an engine, with a manifest that may have been read before.
     pub(super) fn with(job: &Job, engine: &Identity, ledger: &mut Ledger) -> Result<Self> {
         check_output(job)?;
+        check_paths(job)?;
         let mut files = FileMemory::default();
         let reach = job.reach()?;
         let numbers = job.sequence.numbers();
@@ -108,7 +110,7 @@ impl Plan {
     pub(super) fn entry(&self, frame: &PlannedFrame, settings: &str) -> Entry {
         Entry {
             frame: frame.frame,
-            source: std::path::absolute(&frame.source).unwrap_or_else(|_| frame.source.clone()),
+            source: absolute(&frame.source),
             stamp: self.sources.stamp(frame.frame),
             lambda_image: None,
             output: None,
@@ -143,6 +145,18 @@ impl Plan {
     pub(super) fn neighbour_entries(&self, window: &[WindowFrame]) -> Vec<NeighbourEntry> {
         window.iter().map(|n| neighbour_entry(n, &self.sources)).collect()
     }
+}
+
+/// The manifest is text, and names the rendered files by their paths.
+fn check_paths(job: &Job) -> Result<()> {
+    let paths = job.sequence.frames.iter().map(|frame| absolute(&frame.path));
+    let Some(odd) = paths.into_iter().find(|path| path.to_str().is_none()) else { return Ok(()) };
+    let reason = format!("its path is not UTF-8, and {MANIFEST} can hold no other: rename the file or its folder");
+    Err(Error::BadInput { input: odd.display().to_string(), reason })
+}
+
+fn absolute(path: &Path) -> PathBuf {
+    std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf())
 }
 
 fn neighbour_entry(n: &WindowFrame, sources: &Sources) -> NeighbourEntry {

@@ -20,6 +20,7 @@ use super::threads::{Decoded, Work, Written, decode, state_of, write};
 use super::window_cache::WindowCache;
 use crate::engine::Engine;
 use crate::error::{Error, Result};
+use crate::rules::checks::{Warning, WarningKind};
 
 /// Frames of more bytes than this are decoded one ahead instead of two.
 const BIG_FRAME: usize = 128 << 20;
@@ -65,10 +66,16 @@ impl<'e> Runner<'e> {
         cache.prepare(&sequence_key(job), job, &plan);
         let mut run = Run::new(job, &plan, report, cache, ledger);
         run.start();
-        run.save()?;
-        run.denoise_all(engine, cancel);
-        if let Err(error) = run.save() {
-            run.stop(error);
+        match run.save() {
+            // A shot that is done may lie where nobody may write any more.
+            Err(error) if run.is_idle() => run.warn(WarningKind::Manifest, format!("{error}: it is left as it is")),
+            Err(error) => return Err(error),
+            Ok(()) => {
+                run.denoise_all(engine, cancel);
+                if let Err(error) = run.save() {
+                    run.stop(error);
+                }
+            }
         }
         let refused = |(n, e): (&i64, &Error)| matches!(e, Error::Io { .. }).then(|| (*n, e.to_string()));
         run.summary.unreadable.extend(plan.sources.bad.iter().chain(&run.bad).filter_map(refused));
@@ -117,6 +124,15 @@ impl Run<'_> {
                 }
             }
         }
+    }
+
+    /// Whether no frame is to be made.
+    fn is_idle(&self) -> bool {
+        !self.plan.frames.iter().any(|f| matches!(f.action, Action::Denoise(_)))
+    }
+
+    fn warn(&self, kind: WarningKind, message: String) {
+        (self.report)(Event::Warning(&Warning::new(kind, message)));
     }
 
     fn denoise_all(&mut self, engine: &Engine, cancel: &CancelToken) {

@@ -3,6 +3,7 @@
 use std::sync::OnceLock;
 
 use super::vector::{Simd, SimdOp};
+use crate::error::{Error, Result};
 
 /// The one table of back ends, slowest first: variant, the name that `HUSH_SIMD` understands, token, where it can be compiled.
 macro_rules! back_ends {
@@ -61,6 +62,19 @@ impl Isa {
     pub fn detect() -> Self {
         static CHOSEN: OnceLock<Isa> = OnceLock::new();
         *CHOSEN.get_or_init(|| Self::lowered(&Self::available(), std::env::var("HUSH_SIMD").ok().as_deref()))
+    }
+
+    /// # Errors
+    /// `HUSH_SIMD` says a word that names no instruction set, of whatever CPU.
+    pub fn check_wish() -> Result<()> {
+        let wish =
+            std::env::var_os("HUSH_SIMD").map(|wish| wish.to_string_lossy().trim().to_ascii_lowercase()).unwrap_or_default();
+        let names: Vec<&str> = Self::ALL.iter().map(|isa| isa.name()).collect();
+        if wish.is_empty() || names.contains(&wish.as_str()) {
+            return Ok(());
+        }
+        let reason = format!("'{wish}' is no instruction set: there are {}", names.join(", "));
+        Err(Error::BadInput { input: "HUSH_SIMD".into(), reason })
     }
 
     /// Every instruction set that this CPU has, slowest first.

@@ -38,8 +38,10 @@ pub(super) struct Folder<'a> {
     /// The input folder, as the system knows it; none while it is not there.
     root: Option<(u64, u64)>,
     real_input: PathBuf,
-    /// Shots whose settings cannot be had: until the next attempt, and whether there is something to mend.
-    refused: BTreeMap<ShotKey, (Duration, bool)>,
+    /// Shots that cannot be denoised as they are.
+    refused: BTreeMap<ShotKey, Refusal>,
+    /// Frames were asked for by number.
+    asked: bool,
     poll: Option<Duration>,
     next_scan: Duration,
     /// What was reported to be left out.
@@ -58,7 +60,8 @@ impl<'a> Folder<'a> {
     ) -> Result<Self> {
         let tree = Tree::new(&options.input, &options.output)?;
         // Settings that no shot could be denoised with are refused now.
-        job(Sequence { name: String::new(), frames: Vec::new(), ignored: Vec::new(), named: None })?.reach()?;
+        let any = job(Sequence { name: String::new(), frames: Vec::new(), ignored: Vec::new(), named: None })?;
+        any.reach()?;
         Ok(Self {
             tree,
             shots: BTreeMap::new(),
@@ -70,6 +73,7 @@ impl<'a> Folder<'a> {
             root: None,
             real_input: PathBuf::new(),
             refused: BTreeMap::new(),
+            asked: any.settings.frames.is_some(),
             poll: options.poll,
             next_scan: Duration::ZERO,
             left_out: BTreeSet::new(),
@@ -219,7 +223,7 @@ impl<'a> Folder<'a> {
     fn seen(&mut self, file: FrameFile, stamp: Stamp, closed: bool) -> Result<()> {
         let now = self.now();
         if !self.shots.contains_key(&file.key) {
-            if self.refused.get(&*file.key).is_some_and(|(until, _)| now < *until) {
+            if self.refused.get(&*file.key).is_some_and(|refusal| now < refusal.until) {
                 return Ok(());
             }
             match Shot::new(&self.tree, &file, self.options, self.job, self.engine) {
@@ -227,12 +231,13 @@ impl<'a> Folder<'a> {
                 Err(error) if self.options.once && !matches!(error, Error::SwitchedOff { .. }) => return Err(error),
                 // The other shots are not to suffer from it; the settings may be mended.
                 Err(error) => {
-                    let mendable = !matches!(error, Error::SwitchedOff { .. });
-                    self.refused.insert(ShotKey::clone(&file.key), (now + POLL, mendable));
                     let message = format!("left out {}: {error}", file.key.name(file.digits));
                     if self.left_out.insert(message.clone().into()) {
                         self.warn(message);
                     }
+                    let since = self.refused.get(&*file.key).map_or(now, |refusal| refusal.since);
+                    let off = if let Error::SwitchedOff { by } = error { Some(by) } else { None };
+                    self.refused.insert(ShotKey::clone(&file.key), Refusal { since, until: now + POLL, off });
                     return Ok(());
                 }
             }
@@ -271,8 +276,29 @@ impl<'a> Folder<'a> {
 
     /// Whether a shot whose settings cannot be had may still come.
     pub fn may_bring_more(&self) -> bool {
-        self.refused.iter().any(|(key, (_, mendable))| *mendable && !self.shots.contains_key(key))
+        self.refused.iter().any(|(key, refusal)| refusal.off.is_none() && !self.shots.contains_key(key))
     }
+
+    /// Where every shot that has begun to come is switched off: by what, and since when nothing else came.
+    pub fn switched_off(&self) -> Option<(&str, Duration)> {
+        let last = self.refused.values().max_by_key(|refusal| refusal.since)?;
+        let by = last.off.as_deref().filter(|_| self.shots.is_empty() && !self.may_bring_more())?;
+        Some((by, last.since))
+    }
+
+    /// Whether frames were asked for by number, so that the watch has an end.
+    pub fn has_end(&self) -> bool {
+        self.asked
+    }
+}
+
+/// Why a shot is not denoised.
+struct Refusal {
+    since: Duration,
+    /// The next attempt.
+    until: Duration,
+    /// What switches denoising off; else there is something to mend.
+    off: Option<String>,
 }
 
 /// Tells one folder from another that was put in its place.

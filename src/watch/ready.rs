@@ -11,7 +11,7 @@ use crate::rules::window::DEFAULT_WINDOW;
 use crate::shot::Stamp;
 
 /// Without `--settle`: at least this long, and three times the usual time between two frames, but no longer than `MOST`.
-const LEAST: Duration = Duration::from_secs(30);
+pub(super) const LEAST: Duration = Duration::from_secs(30);
 const MOST: Duration = Duration::from_secs(3600);
 /// Gaps between frames that the usual one is taken from.
 const GAPS: usize = 9;

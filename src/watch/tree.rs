@@ -193,7 +193,10 @@ impl Tree {
                 }
                 found.frames.push((frame, stamp));
             }
-            (None, Some(_)) if self.pattern.is_none() => found.ignored.push((path, "has no frame number in its name")),
+            (None, Some(_)) if self.pattern.is_none() => {
+                let text = path.file_name().is_some_and(|name| name.to_str().is_some());
+                found.ignored.push((path, if text { "has no frame number in its name" } else { "has a name that is not UTF-8" }));
+            }
             _ => {}
         }
     }

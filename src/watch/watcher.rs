@@ -8,7 +8,7 @@ use super::allocator::give_memory_back;
 use super::events::{Waiting, WatchEvent, WatchSummary};
 use super::folder::Folder;
 use super::folder_events::Changes;
-use super::ready::FrameCounts;
+use super::ready::{FrameCounts, LEAST};
 use super::shots::Shot;
 use super::work::Worker;
 use crate::engine::Engine;
@@ -81,7 +81,7 @@ impl<'a> Watcher<'a> {
                     self.folder.changes(Duration::ZERO)
                 }
                 false if self.options.once && self.is_finished() => break,
-                false if self.has_all() => {
+                false if self.has_all() || self.is_switched_off() => {
                     self.report_waiting();
                     break;
                 }
@@ -107,6 +107,12 @@ impl<'a> Watcher<'a> {
         let now = self.now();
         let mut wanted = self.wanted().peekable();
         wanted.peek().is_some() && wanted.all(|s| s.frames.has_all(&s.rules, now)) && !self.folder.may_bring_more()
+    }
+
+    /// Frames were asked for by number, and nothing that may be denoised came for a while.
+    fn is_switched_off(&self) -> bool {
+        let settle = self.options.settle.unwrap_or(LEAST);
+        self.folder.has_end() && self.folder.switched_off().is_some_and(|(_, since)| self.now().saturating_sub(since) >= settle)
     }
 
     /// The shots that hold a frame that is to be written.
@@ -201,7 +207,12 @@ impl<'a> Watcher<'a> {
         done.stopped = self.worker.stopped.as_ref().map(ToString::to_string);
         done.seconds = self.now().as_secs_f64();
         self.worker.tidy();
+        if let (Some((by, _)), false) = (self.folder.switched_off(), done.interrupted) {
+            return Err(Error::SwitchedOff { by: by.to_owned() });
+        }
         if self.options.once && self.folder.shots.is_empty() && !done.interrupted {
+            let input = &self.folder.tree.input;
+            std::fs::read_dir(input).map_err(|e| Error::io(input, e))?;
             let reason = "holds no .exr files with a frame number in their names".into();
             return Err(Error::BadInput { input: self.folder.tree.input.display().to_string(), reason });
         }

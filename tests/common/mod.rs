@@ -23,6 +23,8 @@ pub struct Look {
     pub noisy_image: bool,
     pub compression: Compression,
     pub layers: &'static [&'static str],
+    /// The data window's upper left corner.
+    pub origin: (i32, i32),
     /// A shader AOV `Hush Lambda`, by row and column.
     pub mask: Option<fn(usize, usize) -> f32>,
 }
@@ -37,6 +39,7 @@ impl Look {
         noisy_image: false,
         compression: Compression::ZIP16,
         layers: &["ViewLayer"],
+        origin: (0, 0),
         mask: None,
     };
 }
@@ -88,7 +91,8 @@ pub fn write_frame(path: &Path, number: i64, look: Look) {
     }
     let list = AnyChannels::sort(SmallVec::from_vec(channels));
     let encoding = Encoding { compression: look.compression, ..Encoding::FAST_LOSSLESS };
-    let layer = Layer::new((look.columns, look.rows), LayerAttributes::default(), encoding, list);
+    let place = LayerAttributes { layer_position: look.origin.into(), ..LayerAttributes::default() };
+    let layer = Layer::new((look.columns, look.rows), place, encoding, list);
     Image::from_layer(layer).write().to_file(path).unwrap();
 }
 

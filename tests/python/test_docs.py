@@ -144,3 +144,12 @@ def test_no_picture_is_left_over() -> None:
     shown = {link.split("#")[0].rsplit("/", 1)[-1] for page in PAGES for link in LINK.findall(page.read_text())}
     pictures = [p.name for p in (ROOT / "docs").iterdir() if p.suffix in {".png", ".svg"}]
     assert [name for name in pictures if name not in shown] == []
+
+
+def test_every_kind_of_warning_is_named() -> None:
+    kinds = re.search(r"pub enum WarningKind \{(.*?)\n\}", (ROOT / "src/rules/checks.rs").read_text(), re.DOTALL)
+    named = re.search(r"^Kinds of warnings: (.*?)\n\n", (ROOT / "docs/command-line.md").read_text(), re.DOTALL | re.MULTILINE)
+    assert kinds
+    assert named
+    words = (re.sub(r"(?<!^)(?=[A-Z])", "_", kind).lower() for kind in re.findall(r"^    (\w+),$", kinds[1], re.MULTILINE))
+    assert sorted(words) == sorted(re.findall(r"`(\w+)`", named[1]))

@@ -74,6 +74,8 @@ def test_lambda_may_be_an_array(frame: Passes, clean: np.ndarray) -> None:
     assert same(hush.denoise(**frame, lam=np.full((HEIGHT, WIDTH), 64.0)), kept)
     assert same(hush.denoise(**frame, lam=np.float32(64)), kept)
     assert same(hush.denoise(**frame, lam=np.array(64.0)), kept)
+    with pytest.raises(TypeError, match="lam: "):
+        hush.denoise(**frame, lam="64")  # type: ignore[arg-type]
     mixed = hush.denoise(**frame, lam=half_and_half())
     apart = lambda other, where: np.abs(mixed - other)[:, where].mean()
     for where, near, far in ((slice(0, WIDTH // 4), clean, kept), (slice(3 * WIDTH // 4, None), kept, clean)):

@@ -30,6 +30,19 @@ def test_a_preview_is_what_a_run_writes(small: Path, tmp_path: Path) -> None:
     assert told["flicker"] is None and told["previous"] is None and told["change"] is None and told["noisy_flicker"] is None
 
 
+def test_a_sheet_is_never_written_over_a_frame(small: Path, tmp_path: Path) -> None:
+    frame = small / "f_0003.exr"
+    before = frame.read_bytes()
+    for output in (frame, tmp_path / "sheet.jpg"):
+        with pytest.raises(ValueError, match=r"ends in \.png"):
+            hush.preview_sheet(small, 3, output)
+    linked = tmp_path / "linked.png"
+    linked.symlink_to(frame)
+    with pytest.raises(ValueError, match="one of the frames"):
+        hush.preview_sheet(small, 3, linked)
+    assert frame.read_bytes() == before
+
+
 def test_a_region_and_its_flicker(small: Path) -> None:
     whole = hush.preview(small, 3, flicker=True, layers=["Near"])
     part = hush.preview(small, 3, flicker=True, layers=["Near"], region=(11, 7, 20, 16))

@@ -129,3 +129,18 @@ def test_a_second_check_is_cheap(with_settings: Path) -> None:
     assert checker.check(with_settings)["counts"] == first["counts"], "a file that was only touched is the same"
     path.write_bytes(path.read_bytes()[:-20])
     assert checker.check(with_settings)["frames"][0]["kind"] == "input_damaged"
+
+
+def test_what_can_be_no_setting_is_refused(small: Path, tmp_path: Path) -> None:
+    endless: list[object] = []
+    endless.append(endless)
+    with pytest.raises(ValueError, match="aovs: is nested too deep"):
+        hush.dry_run_sequence(small, tmp_path / "out", aovs=endless)  # type: ignore[arg-type]
+    with pytest.raises(FileNotFoundError, match="gone\\.usda"):
+        hush.dry_run_sequence(small, tmp_path / "out", usd=tmp_path / "gone.usda")
+    if os.name != "nt":
+        odd = Path(os.fsdecode(os.fsencode(tmp_path) + b"/out\xff"))
+        for output in (odd, str(odd)):
+            with pytest.raises(ValueError, match="output: "):
+                hush.denoise_sequence(small, output)
+        assert not list(tmp_path.iterdir()), "a folder of another name was made"

@@ -70,7 +70,7 @@ impl Resolver for Bounded {
     }
 }
 
-/// How deep the brackets of a text layer are nested, without those in strings and comments.
+/// How deep the brackets of a text layer are nested, without those in strings, asset paths and comments.
 fn depth(text: &[u8]) -> usize {
     let (mut depth, mut deepest, mut at) = (0_usize, 0, 0);
     while let Some(byte) = text.get(at) {
@@ -80,8 +80,10 @@ fn depth(text: &[u8]) -> usize {
                 deepest = deepest.max(depth);
             }
             b'}' | b')' | b']' => depth = depth.saturating_sub(1),
-            b'#' => at += text[at..].iter().take_while(|b| **b != b'\n').count(),
-            b'"' | b'\'' => at = end_of_string(text, at),
+            b'/' if text[at..].starts_with(b"/*") => at = end_of_comment(text, at),
+            b'#' => at = end_of_line(text, at),
+            b'/' if text[at..].starts_with(b"//") => at = end_of_line(text, at),
+            b'"' | b'\'' | b'@' => at = end_of_string(text, at),
             _ => {}
         }
         at += 1;
@@ -89,7 +91,17 @@ fn depth(text: &[u8]) -> usize {
     deepest
 }
 
-/// The last byte of the string that starts at a quote.
+fn end_of_line(text: &[u8], start: usize) -> usize {
+    start + text[start..].iter().take_while(|b| **b != b'\n').count()
+}
+
+/// The last byte of the comment that starts with `/*`.
+fn end_of_comment(text: &[u8], start: usize) -> usize {
+    let inner = text.get(start + 2..).unwrap_or_default();
+    inner.windows(2).position(|pair| pair == b"*/").map_or(text.len(), |length| start + length + 3)
+}
+
+/// The last byte of the string or asset path that starts at a quote or an `@`.
 fn end_of_string(text: &[u8], start: usize) -> usize {
     let quote = [text[start]; 3];
     let quote = if text[start..].starts_with(&quote) { &quote[..] } else { &quote[..1] };
@@ -112,6 +124,10 @@ mod tests {
             ("((( # (((((\n)))", 3),
             ("string a = \"(((\" '(((' \"\"\" \"((( \"\"\" (", 1),
             ("\"\\\"((\" (", 1),
+            ("/* \" */ ((( /* ((((( */", 3),
+            ("( // ' ((\n(", 2),
+            ("@it's (((@ ( @@@ a@b ((( @@@ (", 2),
+            ("/* unfinished (", 0),
             ("\"unfinished (", 0),
             ("\"\"\"unfinished \\", 0),
             (")))(", 1),

@@ -30,6 +30,9 @@ pub(super) fn choose(stage: &Stage, prim: Option<&str>) -> Result<Chain, String>
     let found = RenderPrims::find(stage)?;
     let Some(wanted) = prim else { return found.chain_of(found.only(stage)?) };
     let path = Path::new(wanted).map_err(|e| format!("<{wanted}> is no prim path: {}", words(e)))?;
+    if path.contains_prim_variant_selection() {
+        return Err(format!("<{wanted}> selects a variant: select it in the stage, and name the prim alone"));
+    }
     let prim = stage.prim(path);
     if prim.is_valid().map_err(words)? {
         return found.chain_of(prim);

@@ -11,6 +11,7 @@ use super::open::with_stage;
 use super::prims::{self, PASS, words};
 use super::values::escaped;
 use crate::error::{Error, Result};
+use crate::io::is_same_file;
 use crate::rules::lambda::Lambda;
 use crate::settings::Kind;
 use crate::settings::layered::Layered;
@@ -37,15 +38,23 @@ struct Below {
     prim: Option<String>,
     metadata: Vec<(&'static str, Value)>,
     frames_per_time_code: f64,
+    /// The files that the stage is made of.
+    layers: Vec<String>,
 }
 
 /// The text of a `.usda` layer to be saved at `path`, with `settings` on the prim, over `sublayer` if there is one. Without a prim
 /// it is the stage's only render prim, and a new `RenderPass` where there is none.
 ///
 /// # Errors
-/// The sublayer cannot be read, or has no such prim or several to choose from; a prim path that is none.
+/// The sublayer is or includes the file at `path`, cannot be read, or has no such prim or several to choose from; a prim path that is none.
 pub fn write(path: &Path, settings: &Layered, prim: Option<&str>, sublayer: Option<&Path>) -> Result<String> {
     let below = sublayer.map(|file| with_stage(file, |stage| look_below(stage, prim))).transpose()?;
+    if below.iter().flat_map(|below| &below.layers).any(|layer| is_same_file(Path::new(layer), path)) {
+        return Err(Error::bad_file(
+            path,
+            "is a part of the stage that the layer is to lie over, and would be lost: name another file",
+        ));
+    }
     let (there, metadata, rate) = match below {
         Some(below) => (below.prim, below.metadata, below.frames_per_time_code),
         None => (prim.map(str::to_owned), Vec::new(), 1.0),
@@ -65,7 +74,7 @@ fn look_below(stage: &Stage, prim: Option<&str>) -> Result<Below, String> {
     for name in KEPT {
         metadata.extend(stage.stage_metadata(name).map_err(words)?.map(|value| (name, value)));
     }
-    Ok(Below { prim: strongest, metadata, frames_per_time_code: frames_per_time_code(stage)? })
+    Ok(Below { prim: strongest, metadata, frames_per_time_code: frames_per_time_code(stage)?, layers: stage.layer_identifiers() })
 }
 
 fn author(
