@@ -125,7 +125,7 @@ def main() -> None:
     if chosen.mapped:
         folders += [("Hush, lambda 1", chosen.denoised), ("Hush, lambda 64 on Suzanne", chosen.mapped)]
     else:
-        folders += [("Hush", chosen.denoised), ("reference, 200 samples", HERE / "reference")]
+        folders += [("Hush", chosen.denoised), ("reference, 2000 samples", HERE / "reference")]
     frames = [(title, combined(folder / name)) for title, folder in folders]
     output = chosen.output or HERE.parent / "docs" / ("lambda-map.png" if chosen.mapped else "before-after.png")
     sheet = picture(frames, tuple(chosen.crop), chosen.zoom, chosen.exposure)

@@ -233,7 +233,11 @@ mod tests {
     fn a_name_may_have_all_the_letters_that_a_file_system_takes() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(format!("{}.exr", "ü".repeat(125)));
-        write_atomically(&path, |_| Ok(part_files(folder.path()).iter().for_each(|part| assert!(is_part_file(part))))).unwrap();
+        write_atomically(&path, |_| {
+            part_files(folder.path()).iter().for_each(|part| assert!(is_part_file(part)));
+            Ok(())
+        })
+        .unwrap();
         assert!(path.exists() && part_prefix("0001.exr", "t") == ".0001.exr.hush-t-");
     }
 
