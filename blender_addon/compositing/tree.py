@@ -145,7 +145,7 @@ class Stage:
         was_exr = settings.file_format.startswith("OPEN_EXR")
         compat.use_image_format(settings, self._work["format"])
         if was_exr and space and settings.file_format == "OPEN_EXR":
-            # Blender 5 takes it away with the old format.
+            # Blender 4.5 and newer take it away with the old format.
             settings.linear_colorspace_settings.name = space
         settings.color_mode, settings.color_depth = "RGBA", "16"
         if views == "INDIVIDUAL":

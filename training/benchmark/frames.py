@@ -125,6 +125,12 @@ def beauty(path: Path) -> Image:
     return passes(path, {"Combined": "RGB"})["Combined"]
 
 
+def for_oidn(path: Path) -> tuple[Image, Image, Image]:
+    """Beauty, albedo and normal, in the ranges that OIDN takes."""
+    colour, albedo, normal = passes(path, {"Combined": "RGB", "Denoising Albedo": "RGB", "Denoising Normal": "XYZ"}).values()
+    return np.ascontiguousarray(colour.clip(0)), np.ascontiguousarray(albedo.clip(0, 1)), np.ascontiguousarray(normal)
+
+
 def write_beauty(path: Path, image: Image) -> None:
     """A file with the beauty alone, named as Blender does; written aside and moved into place."""
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -25,12 +25,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from training.benchmark import equal_error, lambda_curves, oidn, tables
-from training.benchmark.frames import FIRST_SHOTS, SHOTS, SPP, Take, frame, numbers, passes, shared_levels, takes, write_beauty
-
-GUIDES = {"Combined": "RGB", "Denoising Albedo": "RGB", "Denoising Normal": "XYZ"}
+from training.benchmark.frames import FIRST_SHOTS, SHOTS, SPP, Take, for_oidn, frame, numbers, shared_levels, takes, write_beauty
 
 
 class Hush:
@@ -76,9 +72,7 @@ def run_oidn(take: Take, device: Any, method: str) -> Path:  # noqa: ANN401
         source, target = frame(take.noisy, n), frame(folder, n)
         if target.exists() and target.stat().st_mtime >= source.stat().st_mtime:
             continue
-        planes = [np.ascontiguousarray(image) for image in passes(source, GUIDES).values()]
-        colour, albedo, normal = planes
-        write_beauty(target, oidn.METHODS[method](device, np.maximum(colour, 0), albedo.clip(0, 1), normal))
+        write_beauty(target, oidn.METHODS[method](device, *for_oidn(source)))
     return folder
 
 

@@ -190,9 +190,9 @@ def monotone(values: Sequence[float | None]) -> bool:
     return all(a <= b for a, b in zip(there, there[1:], strict=False))
 
 
-def replaced(document: str, name: str, text: str) -> str:
+def replaced(document: str, name: str, text: str, by: str = "run.py") -> str:
     """The document with what stands between its two markers of that name replaced; ValueError if they are not there."""
-    start, end = f"<!-- {name}: written by training/benchmark/run.py -->", f"<!-- end of {name} -->"
+    start, end = f"<!-- {name}: written by training/benchmark/{by} -->", f"<!-- end of {name} -->"
     before, found, rest = document.partition(start)
     _, closed, after = rest.partition(end)
     if not found or not closed:

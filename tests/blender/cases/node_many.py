@@ -170,11 +170,22 @@ def test_a_compositor_that_is_switched_off_stays_off() -> None:
     assert bpy.ops.hush.add_node() == {"CANCELLED"} and len(scene.node_tree.nodes) == before
 
 
+def straight(scene: bpy.types.Scene) -> bpy.types.NodeTree:
+    """The scene's compositor with Render Layers straight to the output: of itself Blender 4.5 has a reroute and a viewer besides."""
+    compat = kit.module("compat")
+    tree = compat.ensure_compositor_tree(scene)
+    tree.nodes.clear()
+    layers = tree.nodes.new("CompositorNodeRLayers")
+    layers.scene = scene
+    tree.links.new(layers.outputs["Image"], compat.output_node(tree).inputs[0])
+    return tree
+
+
 def test_a_scene_that_composites_another_keeps_its_links() -> None:
     """The node goes behind the other scene's Render Layers and shows that scene."""
     rendered = kit.build_scene()
     comp = bpy.data.scenes.new("Comp")
-    tree = kit.module("compat").ensure_compositor_tree(comp)
+    tree = straight(comp)
     (layers,) = (each for each in tree.nodes if each.bl_idname == "CompositorNodeRLayers")
     layers.scene = rendered
     blur = tree.nodes.new("CompositorNodeBlur")
@@ -204,7 +215,7 @@ def test_without_render_layers_no_link_is_replaced() -> None:
 
 def test_muted_links_stay_muted() -> None:
     scene = kit.build_scene()
-    tree = kit.module("compat").ensure_compositor_tree(scene)
+    tree = straight(scene)
     output(scene).links[0].is_muted = True
     assert bpy.ops.hush.add_node() == {"FINISHED"}
     (node,) = kit.module("nodes.node").nodes(scene)
