@@ -5,9 +5,10 @@
 //! E[(d − a)(d − b)] = E[(d − r)²]: the noise drops out of the mean by itself, no variance has to be known. What is left is
 //! what the light itself changed within k frames, and what sampling between pixels blurs; to keep that small the noisy light is
 //! carried without its albedo, and only pixels count whose way forth and back agrees and whose albedo, normal and depth stay
-//! the same. Those are the easier ones: the whole frame's error is higher.
+//! the same. Those are the easier ones: the whole frame's error is higher. And what d lacks of r that a and b lack too, such as a
+//! reflection that moves otherwise than its surface, cannot be seen: the estimate is too low by it.
 
-use ndarray::{Array2, Array3, ArrayView3, Zip};
+use ndarray::{Array2, Array3, ArrayView3};
 
 use crate::frame::Frame;
 use crate::frame::sanitise::front;
@@ -58,15 +59,15 @@ pub enum Unseen {
 }
 
 impl Observed {
-    /// Looks at the middle one of an odd number of consecutive frames from the first and the last of them. `light` is what these
-    /// two saw, (rows, columns, 3); their own noisy colours, or other pictures of the same frames.
-    pub fn new(frames: &[Frame], light: [ArrayView3<f32>; 2]) -> Result<Self, Unseen> {
+    /// Looks at the middle one of an odd number of consecutive frames from the first and the last of them.
+    pub fn new(frames: &[Frame]) -> Result<Self, Unseen> {
         let k = frames.len() / 2;
         let centre = &frames[k];
         let size = centre.size();
         if k == 0 || frames.iter().any(|f| f.size() != size || f.vector.is_none()) {
             return Err(Unseen::NoMotion);
         }
+        let light = [&frames[0].colour, &frames[2 * k].colour].map(|colour| colour.view());
         let mut trusted = Array2::from_elem(size, true);
         let mut carry = |path: Vec<&Frame>, light: ArrayView3<f32>, later: bool| {
             let mut out = Array3::zeros((size.0, size.1, 3));
@@ -106,22 +107,6 @@ impl Observed {
     /// The same error against a picture of the truth, on the same pixels.
     pub fn measure(&self, denoised: ArrayView3<f32>, truth: ArrayView3<f32>) -> f64 {
         self.mean(denoised, |y, x, c| (f64::from(denoised[[y, x, c]]) - f64::from(truth[[y, x, c]])).powi(2)).relmse
-    }
-
-    /// The same pixels as another's, too.
-    pub fn narrowed(mut self, to: &Self) -> Self {
-        Zip::from(&mut self.trusted).and(&to.trusted).for_each(|own, other| *own &= other);
-        Self { gain: to.gain, ..self }
-    }
-
-    /// The noise of the picture `truth` itself as it counts in [`measure`](Self::measure), where this was seen from the pictures
-    /// of the truth before and after it.
-    pub fn noise_of(&self, truth: ArrayView3<f32>, denoised: ArrayView3<f32>) -> f64 {
-        let error = |y: usize, x: usize, c: usize| {
-            let t = f64::from(truth[[y, x, c]]);
-            (t - f64::from(self.before[[y, x, c]])) * (t - f64::from(self.after[[y, x, c]]))
-        };
-        self.mean(denoised, error).relmse
     }
 
     fn mean(&self, denoised: ArrayView3<f32>, error: impl Fn(usize, usize, usize) -> f64) -> ErrorEstimate {
@@ -259,7 +244,7 @@ mod tests {
 
     fn observed(k: usize, seed: u64) -> Observed {
         let frames: Vec<Frame> = (0..=2 * k).map(|t| frame(t, seed)).collect();
-        Observed::new(&frames, [frames[0].colour.view(), frames[2 * k].colour.view()]).ok().unwrap()
+        Observed::new(&frames).ok().unwrap()
     }
 
     #[test]
@@ -293,8 +278,7 @@ mod tests {
         let frames = |change: &dyn Fn(&mut [Frame])| {
             let mut frames: Vec<Frame> = (0..3).map(|t| frame(t, 5)).collect();
             change(&mut frames);
-            Observed::new(&frames, [frames[0].colour.view(), frames[2].colour.view()])
-                .map(|o| o.estimate(frames[1].colour.view()))
+            Observed::new(&frames).map(|o| o.estimate(frames[1].colour.view()))
         };
         assert_eq!(frames(&|f| f[1].vector = None).err(), Some(Unseen::NoMotion));
         assert_eq!(frames(&|f| f[0].vector.as_mut().unwrap().fill(9.0)).err(), Some(Unseen::Lost));

@@ -30,8 +30,6 @@ struct Current {
     reference: Option<Array3<f32>>,
     vector: Option<Array3<f32>>,
     observed: Option<Observed>,
-    /// The references around it, for the noise of its own.
-    truth: Option<Observed>,
     gain: f32,
     outputs: Vec<Option<Array3<f32>>>,
 }
@@ -41,7 +39,6 @@ struct Current {
 struct Estimates {
     estimates: Vec<ErrorEstimate>,
     measured: Vec<f64>,
-    noise: Vec<f64>,
 }
 
 /// Judges frame after frame.
@@ -100,17 +97,11 @@ impl<'a> Judge<'a> {
                 return Err(Error::SizeMismatch { what, columns, rows, found_columns, found_rows });
             }
         }
-        let (observed, truth) = match self.look(number) {
-            Ok((observed, truth)) => (Some(observed), truth),
-            Err(why) => {
-                self.unseen = self.unseen.or(why);
-                (None, None)
-            }
-        };
+        let observed = self.look(number).map_err(|why| self.unseen = self.unseen.or(why)).ok();
         let sum: f64 = frame.colour.iter().filter(|v| v.is_finite()).map(|v| f64::from(v.max(0.0))).sum();
         let gain = (REFERENCE_MEAN / (sum / frame.colour.len() as f64).max(1e-6)) as f32;
         let vector = frame.vector.clone();
-        self.current = Some(Current { number, reference, vector, observed, truth, gain, outputs: Vec::new() });
+        self.current = Some(Current { number, reference, vector, observed, gain, outputs: Vec::new() });
         Ok(())
     }
 
@@ -120,9 +111,8 @@ impl<'a> Judge<'a> {
         path.map(|path| Ok(read(path, false, &self.images)?.colour)).transpose()
     }
 
-    /// The frame seen from the noisy frames around it; and from the references next to it, if there are any.
-    #[allow(clippy::type_complexity)]
-    fn look(&self, number: i64) -> Result<(Observed, Option<Observed>), Option<Unseen>> {
+    /// The frame seen from the noisy frames around it.
+    fn look(&self, number: i64) -> Result<Observed, Option<Unseen>> {
         let k = self.distance.ok_or(Some(Unseen::NoMotion))? as i64;
         if self.scope.around(number, k as usize).len() as i64 != 2 * k {
             return Err(None);
@@ -137,17 +127,7 @@ impl<'a> Judge<'a> {
             }
             frames.push(frame);
         }
-        let ends = [frames[0].colour.view(), frames[2 * k as usize].colour.view()];
-        let observed = Observed::new(&frames, ends).map_err(Some)?;
-        let next = [number - 1, number + 1].map(|n| self.picture(n).ok().flatten());
-        let truth = match &next {
-            [Some(before), Some(after)] => {
-                let near = &frames[k as usize - 1..=k as usize + 1];
-                Observed::new(near, [before.view(), after.view()]).ok().map(|truth| truth.narrowed(&observed))
-            }
-            _ => None,
-        };
-        Ok((observed, truth))
+        Observed::new(&frames).map_err(Some)
     }
 
     /// The errors of every candidate's picture.
@@ -165,9 +145,7 @@ impl<'a> Judge<'a> {
                 let seen = &mut self.seen[i];
                 seen.estimates.push(estimate);
                 if let Some(reference) = &current.reference {
-                    let on = current.truth.as_ref().unwrap_or(observed);
-                    seen.measured.push(on.measure(output.view(), reference.view()));
-                    seen.noise.extend(current.truth.as_ref().map(|t| t.noise_of(reference.view(), output.view())));
+                    seen.measured.push(observed.measure(output.view(), reference.view()));
                 }
             }
             let before = self.previous.as_ref().and_then(|p| Some((p, p.outputs.get(i)?.as_ref()?)));
@@ -200,7 +178,6 @@ impl<'a> Judge<'a> {
             estimated: mean(&s.estimates.iter().map(|e| e.relmse).collect::<Vec<_>>()),
             deviation: deviation(s),
             measured: mean(&s.measured),
-            reference_noise: (s.noise.len() == s.measured.len()).then(|| mean(&s.noise)),
         });
         let note = estimated().next().map(|(_, first)| EstimateNote {
             distance: self.distance.unwrap_or(0),

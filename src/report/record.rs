@@ -136,8 +136,6 @@ pub struct EstimateCheck {
     pub estimated: f64,
     /// Its standard error.
     pub deviation: f64,
-    /// The relMSE against the references.
+    /// The relMSE against the references, their noise included.
     pub measured: f64,
-    /// The part of `measured` that is the references' own noise, if it could be told.
-    pub reference_noise: Option<f64>,
 }
