@@ -38,7 +38,7 @@ class Hush:
 
     def denoise(self, take: Take, output: Path, window: int, lam: float = 1.0) -> Path:
         options = ["--window", str(window), "--lambda", f"{lam:g}", *self.options]
-        self._run("denoise", take.noisy, "--output", output, *options)
+        self.run("denoise", take.noisy, "--output", output, *options)
         return output
 
     def scores(self, take: Take, folder: Path, reference: Path | None = None) -> dict[str, list[float | None]]:
@@ -55,10 +55,11 @@ class Hush:
         return {f"unbiased_{name}": [row.get(key) for row in found] for name, key in (("relmse", "relmse"), ("flicker", "flicker_squared"))}
 
     def _eval(self, reference: Path, folder: Path, take: Take, *options: str | Path) -> list[dict[str, Any]]:
-        found = json.loads(self._run("eval", reference, folder, "--vectors", take.noisy, "--json", *options))
+        found = json.loads(self.run("eval", reference, folder, "--vectors", take.noisy, "--json", *options))
         return [row["scores"] for row in found["frames"]]
 
-    def _run(self, *arguments: str | Path) -> str:
+    def run(self, *arguments: str | Path) -> str:
+        """What the program prints; where it fails, this one ends with what it says."""
         result = subprocess.run([self.program, *arguments], capture_output=True, text=True, check=False)
         if result.returncode:
             raise SystemExit(f"hush {' '.join(map(str, arguments))}: {result.stderr.strip() or result.stdout.strip()}")
@@ -66,10 +67,14 @@ class Hush:
 
 
 def run_oidn(take: Take, device: Any, method: str) -> Path:  # noqa: ANN401
-    """OIDN frame by frame, by one of its methods; what is newer than its noisy frame stays."""
-    folder = take.peer(method, oidn.version())
-    for n in numbers(take.noisy):
-        source, target = frame(take.noisy, n), frame(folder, n)
+    """OIDN on a take's frames, by one of its methods."""
+    return denoised_by_oidn(take.noisy, take.peer(method, oidn.version()), device, method)
+
+
+def denoised_by_oidn(noisy: Path, folder: Path, device: Any, method: str) -> Path:  # noqa: ANN401
+    """OIDN frame by frame, into `folder`; what is newer there than its noisy frame stays."""
+    for n in numbers(noisy):
+        source, target = frame(noisy, n), frame(folder, n)
         if target.exists() and target.stat().st_mtime >= source.stat().st_mtime:
             continue
         write_beauty(target, oidn.METHODS[method](device, *for_oidn(source)))

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import random
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
 import bpy
-from mathutils import Euler, Vector
+from mathutils import Euler, Matrix, Quaternion, Vector
 
 from training.shots.cycles.assets import Assets
 
@@ -95,21 +96,28 @@ def strands(r: random.Random) -> bpy.types.Object:
     return thing
 
 
+def creased_leaves(name: str, size: tuple[float, float, float], places: Iterable[tuple[Vector, Matrix | Quaternion]]) -> bpy.types.Object:
+    """Leaves of half a width, a length and a crease, each two triangles, from its stem on, turned; not in a scene yet."""
+    width, length, crease = size
+    outline = [Vector(p) for p in ((0, 0, 0), (-width, length / 2, crease), (0, length, 0), (width, length / 2, crease))]
+    vertices: list[Vector] = []
+    faces: list[tuple[int, ...]] = []
+    for stem, turn in places:
+        first = len(vertices)
+        vertices += [stem + turn @ corner for corner in outline]
+        faces += [(first, first + 1, first + 2), (first, first + 2, first + 3)]
+    leaves = bpy.data.meshes.new(name)
+    leaves.from_pydata(vertices, [], faces)
+    return bpy.data.objects.new(name, leaves)
+
+
 def foliage(r: random.Random) -> bpy.types.Object:
     """Leaves, each two triangles with a crease, turned at random in a round or flat crown."""
     count, length, flat = r.randint(150, 900), math.exp(r.uniform(-3.2, -1.2)), r.uniform(0.2, 1.0)
     width, crease = length * r.uniform(0.1, 0.5), length * r.uniform(0.0, 0.2)
-    outline = [Vector(p) for p in ((0, 0, 0), (-width, length / 2, crease), (0, length, 0), (width, length / 2, crease))]
-    vertices, faces = [], []
-    for _ in range(count):
-        stem = Vector((r.gauss(0, 0.4), r.gauss(0, 0.4), r.gauss(0, 0.4) * flat))
-        turn = Euler((r.gauss(0, 0.7), r.gauss(0, 0.7), r.uniform(0, 6.28))).to_matrix()
-        first = len(vertices)
-        vertices += [stem + turn @ corner for corner in outline]
-        faces += [(first, first + 1, first + 2), (first, first + 2, first + 3)]
-    leaves = bpy.data.meshes.new("leaves")
-    leaves.from_pydata(vertices, [], faces)
-    thing = bpy.data.objects.new("leaves", leaves)
+    stem = lambda: Vector((r.gauss(0, 0.4), r.gauss(0, 0.4), r.gauss(0, 0.4) * flat))
+    turn = lambda: Euler((r.gauss(0, 0.7), r.gauss(0, 0.7), r.uniform(0, 6.28))).to_matrix()
+    thing = creased_leaves("leaves", (width, length, crease), ((stem(), turn()) for _ in range(count)))
     bpy.context.collection.objects.link(thing)
     return thing
 

@@ -10,6 +10,7 @@ from mathutils import Euler, Quaternion, Vector
 
 from training.shots.cycles.built import Built
 from training.shots.cycles.materials import colour, material
+from training.shots.cycles.meshes import creased_leaves
 from training.shots.cycles.motion import animate
 
 FORKS = 4  # from the trunk to the twigs
@@ -75,19 +76,15 @@ def leaf_material(r: random.Random) -> bpy.types.Material:
 def crown(r: random.Random, twigs: list[Limb], length: float, count: int) -> bpy.types.Object:
     """Leaves along the twigs, four corners each with a crease."""
     wide, crease = length * r.uniform(0.15, 0.35), length * r.uniform(0, 0.15)
-    outline = [Vector(p) for p in ((0, 0, 0), (-wide, length / 2, crease), (0, length, 0), (wide, length / 2, crease))]
-    points: list[Vector] = []
-    faces: list[tuple[int, ...]] = []
-    for _ in range(count):
+
+    def place() -> tuple[Vector, Quaternion]:
         start, end, _radius = r.choice(twigs)
         turn = Quaternion([r.gauss(0, 1) for _ in range(4)]).normalized()
-        stem, first = start.lerp(end, r.random()), len(points)
-        points += [stem + turn @ corner for corner in outline]
-        faces += [(first, first + 1, first + 2), (first, first + 2, first + 3)]
-    mesh = bpy.data.meshes.new("crown")
-    mesh.from_pydata(points, [], faces)
-    mesh.materials.append(leaf_material(r))
-    return bpy.data.objects.new("crown", mesh)
+        return start.lerp(end, r.random()), turn
+
+    leaves = creased_leaves("crown", (wide, length, crease), (place() for _ in range(count)))
+    leaves.data.materials.append(leaf_material(r))
+    return leaves
 
 
 def tree(shot: Built) -> None:
