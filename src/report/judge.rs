@@ -89,13 +89,15 @@ impl<'a> Judge<'a> {
     /// Its reference cannot be read or has another size.
     pub fn open(&mut self, number: i64, frame: &Frame) -> Result<()> {
         self.previous = self.current.take().filter(|c| c.number + 1 == number);
-        let reference = self.picture(number)?;
-        if let (Some(reference), Some(path)) = (&reference, self.references.as_ref().and_then(|r| r.get(&number))) {
-            let ((rows, columns), (found_rows, found_columns, _)) = (frame.size(), reference.dim());
+        let mut reference = None;
+        if let Some(path) = self.references.as_ref().and_then(|r| r.get(&number)) {
+            let colour = read(path, false, &self.images)?.colour;
+            let ((rows, columns), (found_rows, found_columns, _)) = (frame.size(), colour.dim());
             if (rows, columns) != (found_rows, found_columns) {
                 let what = path.display().to_string();
                 return Err(Error::SizeMismatch { what, columns, rows, found_columns, found_rows });
             }
+            reference = Some(colour);
         }
         let observed = self.look(number).map_err(|why| self.unseen = self.unseen.or(why)).ok();
         let sum: f64 = frame.colour.iter().filter(|v| v.is_finite()).map(|v| f64::from(v.max(0.0))).sum();
@@ -103,12 +105,6 @@ impl<'a> Judge<'a> {
         let vector = frame.vector.clone();
         self.current = Some(Current { number, reference, vector, observed, gain, outputs: Vec::new() });
         Ok(())
-    }
-
-    /// The reference of a frame, if it has one.
-    fn picture(&self, number: i64) -> Result<Option<Array3<f32>>> {
-        let path = self.references.as_ref().and_then(|r| r.get(&number));
-        path.map(|path| Ok(read(path, false, &self.images)?.colour)).transpose()
     }
 
     /// The frame seen from the noisy frames around it.
@@ -121,7 +117,7 @@ impl<'a> Judge<'a> {
         for n in number - k..=number + k {
             let read = self.scope.read(n).ok().and_then(|views| views.into_iter().next());
             let mut frame = read.ok_or(None)?;
-            if (2..k).contains(&(n - number).abs()) {
+            if (1..k).contains(&(n - number).abs()) {
                 // Only the way leads through it.
                 (frame.albedo, frame.normal, frame.depth) = (None, None, None);
             }

@@ -149,8 +149,8 @@ impl Plan {
 
 /// The manifest is text, and names the rendered files by their paths.
 fn check_paths(job: &Job) -> Result<()> {
-    let paths = job.sequence.frames.iter().map(|frame| absolute(&frame.path));
-    let Some(odd) = paths.into_iter().find(|path| path.to_str().is_none()) else { return Ok(()) };
+    let mut paths = job.sequence.frames.iter().map(|frame| absolute(&frame.path));
+    let Some(odd) = paths.find(|path| path.to_str().is_none()) else { return Ok(()) };
     let reason = format!("its path is not UTF-8, and {MANIFEST} can hold no other: rename the file or its folder");
     Err(Error::BadInput { input: odd.display().to_string(), reason })
 }

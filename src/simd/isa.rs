@@ -67,8 +67,7 @@ impl Isa {
     /// # Errors
     /// `HUSH_SIMD` says a word that names no instruction set, of whatever CPU.
     pub fn check_wish() -> Result<()> {
-        let wish =
-            std::env::var_os("HUSH_SIMD").map(|wish| wish.to_string_lossy().trim().to_ascii_lowercase()).unwrap_or_default();
+        let wish = std::env::var_os("HUSH_SIMD").map(|wish| word(&wish.to_string_lossy())).unwrap_or_default();
         let names: Vec<&str> = Self::ALL.iter().map(|isa| isa.name()).collect();
         if wish.is_empty() || names.contains(&wish.as_str()) {
             return Ok(());
@@ -88,10 +87,15 @@ impl Isa {
 
     /// The one of `available` that is wished for, or the last.
     fn lowered(available: &[Self], wish: Option<&str>) -> Self {
-        let wish = wish.map(|word| word.trim().to_ascii_lowercase());
+        let wish = wish.map(word);
         let wished = available.iter().find(|isa| Some(isa.name()) == wish.as_deref());
         wished.or(available.last()).copied().unwrap_or(Self::Portable)
     }
+}
+
+/// What `HUSH_SIMD` says, in the letters of [`Isa::name`].
+fn word(wish: &str) -> String {
+    wish.trim().to_ascii_lowercase()
 }
 
 /// Defines `fn name(isa: Isa, args…)` that runs the generic `body::<S: Simd>(simd, args…)` compiled for the instruction set.
