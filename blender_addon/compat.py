@@ -52,8 +52,12 @@ def render_input(tree: bpy.types.NodeTree, scene: bpy.types.Scene) -> bpy.types.
     """The node of a compositor tree that gives the image of the scene's first view layer; None where it has none."""
     if not HAS_EFFECTS or tree != compositor_tree(scene):
         return None
-    inputs = [node for node in tree.nodes if node.bl_idname == "NodeGroupInput" and node.outputs[0].type != "CUSTOM"]
-    return next((node for node in inputs if node.outputs[0].is_linked), next(iter(inputs), None))
+    return min(group_inputs(tree), key=lambda node: not node.outputs[0].is_linked, default=None)
+
+
+def group_inputs(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
+    """The Group Input nodes of a tree that has inputs."""
+    return [node for node in tree.nodes if node.bl_idname == "NodeGroupInput" and node.outputs[0].type != "CUSTOM"]
 
 
 def ensure_compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree:

@@ -59,15 +59,15 @@ def why_not_writable(folder: Path, *, where: str = "under Folders", write: bool 
     place = _nearest(folder)
     if not os.path.isdir(place):
         return messages.text("folder_file", place=place, folder=folder, where=where)
-    try:
-        if not write:
-            if os.access(place, os.W_OK):
-                return None
-            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-        with tempfile.TemporaryFile(dir=place):
-            return None
-    except OSError as error:
-        return messages.text("folder_closed", folder=folder, reason=error.strerror or messages.of_error(error), where=where)
+    reason = ""
+    if write:
+        try:
+            tempfile.TemporaryFile(dir=place).close()
+        except OSError as error:
+            reason = error.strerror or messages.of_error(error)
+    elif not os.access(place, os.W_OK):
+        reason = os.strerror(errno.EACCES)
+    return messages.text("folder_closed", folder=folder, reason=reason, where=where) if reason else None
 
 
 def _rendered(patterns: list[Path], frames: range) -> tuple[list[Path], list[int]]:

@@ -17,8 +17,7 @@ class RenderInput:
     def __init__(self, scene: bpy.types.Scene) -> None:
         self._effect = compat.effects(scene)[0]
         inner = self._effect.node_group
-        inputs = [node for node in inner.nodes if node.bl_idname == "NodeGroupInput" and node.outputs[0].type != "CUSTOM"]
-        is_used = any(node.outputs[0].is_linked for node in inputs) and scene.view_layers[0].use
+        is_used = any(node.outputs[0].is_linked for node in compat.group_inputs(inner)) and scene.view_layers[0].use
         # A copy, as the effect keeps the values of its inputs, and what moves them, by the identifiers of the tree's.
         self.tree = inner.copy()
         self.tree.animation_data_clear()
