@@ -62,7 +62,8 @@ def why_not_writable(folder: Path, *, where: str = "under Folders", write: bool 
     reason = ""
     if write:
         try:
-            tempfile.TemporaryFile(dir=place).close()
+            with tempfile.TemporaryFile(dir=place):
+                pass
         except OSError as error:
             reason = error.strerror or messages.of_error(error)
     elif not os.access(place, os.W_OK):

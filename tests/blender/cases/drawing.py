@@ -157,5 +157,6 @@ def test_drawing_does_not_look_at_the_disk() -> None:
         check.HUSH_OT_check_shot.draw(SimpleNamespace(layout=Layout(seen), scene=""), SimpleNamespace(scene=scene))
     finally:
         shot._patterns_in, check.file_problems = real
-    assert "undisturbed" in shown and "denoised" in shown
+    whole = "".join(shown.split())  # a long path is broken anywhere
+    assert "undisturbed" in whole and "denoised" in whole
     assert seen
