@@ -18,7 +18,7 @@ from .settings import SETTINGS
 
 _HASHES = re.compile(r"#+(?=[^#]*$)")
 # A minus is a sign only where no word is before it, as the library reads names: `shot_-001`, but not `shot-001`.
-NUMBERED = re.compile(r"^(.*?)((?:(?<![^\W_])-)?\d+)(\D*)\.exr$", re.IGNORECASE)
+_NUMBERED = re.compile(r"^(.*?)((?:(?<![^\W_])-)?\d+)(\D*\.exr)$", re.IGNORECASE)
 # What Blender 4.5 and newer fill in; the # in it are not the frame's: {resolution_x:#####}.
 _TEMPLATE = re.compile(r"\{[^{}]*\}")
 _sequences: dict[Path, tuple[int, list[str]]] = {}
@@ -61,7 +61,7 @@ def frame_pattern(scene: bpy.types.Scene, view: str | None = None) -> Path:
     if rendered.name in found or not found:
         return given / rendered.name
     suffix = scene.render.views[view].file_suffix if view else ""
-    fitting = [name for name in found if name.endswith(f"{suffix}.exr")]
+    fitting = [name for name in found if Path(name).stem.endswith(suffix)]
     return given / (fitting or found)[0]
 
 
@@ -77,6 +77,15 @@ def frame_file(pattern: Path, frame: int) -> Path:
         return _digits(frame, len(hashes[0]))
 
     return pattern.with_name(_HASHES.sub(number, pattern.name, count=1))
+
+
+def numbered(name: str) -> tuple[str, int] | None:
+    """The pattern and the frame number of an EXR file's name, capitals as they are; None where it has no number."""
+    match = _NUMBERED.match(name)
+    if match is None:
+        return None
+    before, number, after = match.groups()
+    return f"{before}{'#' * len(number.lstrip('-'))}{after}", int(number)
 
 
 def _digits(frame: int, width: int) -> str:
@@ -162,7 +171,7 @@ def example(pattern: Path) -> Path | None:
         return None
     known = _examples.get(pattern)
     if known is None or known[0] != changed or known[1] is None:
-        name = "*.exr" if pattern == folder else re.sub(r"#+", "*", glob.escape(pattern.name))
+        name = "*.[eE][xX][rR]" if pattern == folder else re.sub(r"#+", "*", glob.escape(pattern.name))
         found = next((path for path in sorted(folder.glob(name)) if os.path.isfile(path) and (stamp(path) or (0,))[0]), None)
         known = _examples[pattern] = changed, found
     return known[1]
@@ -315,8 +324,7 @@ def _patterns_in(folder: Path) -> list[str]:
     try:
         changed = folder.stat().st_mtime_ns
         if folder not in _sequences or _sequences[folder][0] != changed:
-            matches = [match for path in folder.iterdir() if (match := NUMBERED.match(path.name))]
-            counts = Counter(f"{m[1]}{'#' * len(m[2].lstrip('-'))}{m[3]}.exr" for m in matches)
+            counts = Counter(found[0] for path in folder.iterdir() if (found := numbered(path.name)))
             _sequences[folder] = (changed, [name for name, _ in counts.most_common()])
     except OSError:
         return []

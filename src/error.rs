@@ -25,13 +25,23 @@ pub enum Error {
         /// What is wrong with it, and what to do.
         reason: String,
     },
-    /// A file is sound but lacks a pass, layer or view that was asked for.
+    /// A file is sound but lacks a pass that was asked for.
     #[error("{path} has no {pass} pass: {advice}")]
     MissingPass {
         /// The file or folder.
         path: PathBuf,
         /// The pass, in Blender's words.
         pass: String,
+        /// What to do.
+        advice: String,
+    },
+    /// A file is sound but lacks a view layer or stereo view that was asked for.
+    #[error("{path} has no {what}: {advice}")]
+    MissingLayer {
+        /// The file or folder.
+        path: PathBuf,
+        /// Such as `view layer Fog`.
+        what: String,
         /// What to do.
         advice: String,
     },

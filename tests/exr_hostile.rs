@@ -130,6 +130,18 @@ fn channel_list(names: &[String], channel: &[u8; 16]) -> Vec<u8> {
 const FLOAT: [u8; 16] = [2, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0];
 const HALF_SAMPLED: [u8; 16] = [2, 0, 0, 0, 0, 0, 0, 0, 2, 0, 0, 0, 2, 0, 0, 0];
 
+#[cfg(unix)]
+#[test]
+fn a_pipe_is_refused_and_not_waited_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame_0001.exr");
+    assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
+    let (tell, told) = std::sync::mpsc::channel();
+    std::thread::spawn(move || tell.send(read_layout(&path).unwrap_err().to_string()));
+    let error = told.recv_timeout(std::time::Duration::from_secs(20)).expect("it waits for a writer");
+    assert!(error.ends_with("frame_0001.exr: is not a file"), "{error}");
+}
+
 #[test]
 fn bombs_and_lies_are_refused_at_once() {
     let (_folder, source, _) = folder();

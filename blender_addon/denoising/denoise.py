@@ -57,11 +57,11 @@ def _named(source: str) -> list[tuple[Path, list[int] | None]]:
     path = Path(bpy.path.abspath(source))
     if os.path.isdir(path) or "#" in path.name:
         return [(path if os.path.isdir(path) or path.suffix else path.with_name(f"{path.name}.exr"), None)]
-    numbered = shot.NUMBERED.match(path.name)
+    numbered = shot.numbered(path.name)
     if numbered:
         # One frame; the ones beside it still help.
-        before, number, after = numbered.groups()
-        return [(path.with_name(f"{before}{'#' * len(number.lstrip('-'))}{after}{path.suffix}"), [int(number)])]
+        pattern, frame = numbered
+        return [(path.with_name(pattern), [frame])]
     if path.suffix.lower() == ".exr":
         return [(path, None)]
     pattern = path / "####.exr" if source.endswith(("/", "\\")) else path.with_name(f"{path.name}####.exr")

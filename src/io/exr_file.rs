@@ -61,11 +61,12 @@ pub(crate) struct Chunk {
 impl ExrFile {
     /// Opens a file and checks its header, without touching the pixels.
     pub fn open(path: &Path) -> Result<Self> {
-        let file = File::open(path).map_err(|e| Error::io(path, e))?;
-        let about = file.metadata().map_err(|e| Error::io(path, e))?;
+        // Looked up before, because opening a pipe waits for somebody who writes into it.
+        let about = path.metadata().map_err(|e| Error::io(path, e))?;
         if !about.is_file() {
             return Err(Error::bad_file(path, "is not a file"));
         }
+        let file = File::open(path).map_err(|e| Error::io(path, e))?;
         let bytes = about.len();
         if bytes == 0 {
             return Err(Error::bad_file(path, "is empty (0 bytes)"));

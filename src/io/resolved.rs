@@ -32,6 +32,11 @@ impl PassRef {
         Some((part.columns, part.rows, part.origin))
     }
 
+    /// Where its upper left corner lies in the picture: not at 0, 0 where it is cropped.
+    pub(crate) fn origin(&self, layout: &Layout) -> [i32; 2] {
+        self.data_window(layout).map_or([0, 0], |(_, _, origin)| origin)
+    }
+
     /// Such as `ViewLayer.Combined (left)`.
     pub fn label(&self) -> String {
         let names: Vec<&str> = [self.layer.as_str(), self.pass.as_str()].into_iter().filter(|n| !n.is_empty()).collect();

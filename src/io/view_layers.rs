@@ -93,7 +93,7 @@ pub(super) fn pick_layer<'a>(layout: &'a Layout, selection: &Selection) -> Resul
 pub(super) fn missing_layer(layout: &Layout, name: &str) -> Error {
     let names: Vec<&str> = layout.layers.iter().map(|l| if l.name.is_empty() { "(unnamed)" } else { l.name.as_str() }).collect();
     let advice = format!("its view layers are {}", names.join(", "));
-    Error::MissingPass { path: layout.path.clone(), pass: format!("{name} (view layer)"), advice }
+    Error::MissingLayer { path: layout.path.clone(), what: format!("view layer {name}"), advice }
 }
 
 /// The view to denoise; None in a file of one view.
@@ -101,9 +101,9 @@ pub(super) fn pick_view<'a>(layout: &Layout, layer: &'a ViewLayer, selection: &S
     let Some(name) = &selection.view else {
         return Ok(layer.views.first().map(String::as_str));
     };
-    layer.views.iter().find(|v| *v == name).map(|v| Some(v.as_str())).ok_or_else(|| Error::MissingPass {
+    layer.views.iter().find(|v| *v == name).map(|v| Some(v.as_str())).ok_or_else(|| Error::MissingLayer {
         path: layout.path.clone(),
-        pass: format!("{name} (view)"),
+        what: format!("stereo view {name}"),
         advice: match layer.views.is_empty() {
             true => "the file holds one view only; leave the view out".into(),
             false => format!("its views are {}", layer.views.join(", ")),

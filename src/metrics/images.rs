@@ -25,6 +25,8 @@ pub(crate) struct FilePasses {
     pub colour: Array3<f32>,
     /// The Vector pass, (rows, columns, 4), if asked for and there.
     pub vector: Option<Array3<f32>>,
+    /// Where the upper left corner lies in the picture: not at 0, 0 where the file is cropped.
+    pub origin: [i32; 2],
     /// Whether a Noisy Image lies beside Combined, which means that Combined was denoised.
     pub denoised: bool,
 }
@@ -80,5 +82,5 @@ pub(crate) fn read(path: &Path, vector: bool, choice: &ImageChoice) -> Result<Fi
     let denoised = resolved.colour.pass != NOISY
         && layout.layer(&resolved.layer).is_some_and(|l| l.pass(NOISY, resolved.view.as_deref()).is_some());
     let frame = read_frame(&layout, &resolved)?;
-    Ok(FilePasses { colour: frame.colour, vector: frame.vector, denoised })
+    Ok(FilePasses { colour: frame.colour, vector: frame.vector, origin: resolved.colour.origin(&layout), denoised })
 }

@@ -7,6 +7,8 @@
 //! a result is the same for any number of threads.
 
 pub mod evaluate;
+#[cfg(test)]
+mod evaluate_tests;
 pub mod evaluation;
 pub mod flicker;
 pub mod flip;

@@ -10,6 +10,8 @@ pub(super) struct Traits {
     pub still: Vec<i64>,
     /// The reference's Combined went through a denoiser.
     pub denoised_reference: Vec<i64>,
+    /// The reference and the denoised file are cropped at different places of the picture.
+    pub cropped_apart: Vec<i64>,
     /// The second reference or the brightness is missing.
     pub one_reference: Vec<i64>,
     /// Of the two references and the brightness two are the same picture.
@@ -32,6 +34,9 @@ pub(super) fn remarks(frames: &[FrameEvaluation], traits: &Traits, vectors_given
     });
     remark(&traits.denoised_reference, &|n| {
         format!("The references of {n} are denoised themselves: they hold a Noisy Image beside Combined.")
+    });
+    remark(&traits.cropped_apart, &|n| {
+        format!("The two files of {n} are cropped at different places of the picture: they are compared corner by corner.")
     });
     remark(&traits.still, &|n| format!("The Vector pass is all zero in {n}: nothing moved, or motion blur was on."));
     remark(&traits.one_reference, &|n| {

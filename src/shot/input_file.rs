@@ -38,7 +38,7 @@ impl InputFile {
         notes.dedup();
         missing.sort();
         missing.dedup();
-        let origin = first.and_then(|v| v.colour.data_window(&layout)).map_or([0, 0], |(_, _, origin)| origin);
+        let origin = first.map_or([0, 0], |v| v.colour.origin(&layout));
         let header = Header {
             number,
             columns: first.map_or(layout.columns, |v| v.columns),

@@ -137,7 +137,7 @@ impl Shot {
         });
         let vector = sound.and_then(|()| match has_vector(&path, &self.job.selection()) {
             // The run will say what is missing.
-            Err(Error::MissingPass { .. } | Error::BadSetting { .. }) => Ok(false),
+            Err(Error::MissingPass { .. } | Error::MissingLayer { .. } | Error::BadSetting { .. }) => Ok(false),
             other => other,
         });
         let look = match vector {

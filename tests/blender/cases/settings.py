@@ -213,23 +213,24 @@ def test_a_range_without_frames() -> None:
     assert kit.module("status").shot_status(scene).total == 1
 
 
-def test_a_minus_is_a_sign_only_where_no_word_is_before_it() -> None:
-    """As the library reads names."""
+def test_numbers_and_capitals_of_names() -> None:
+    """As the library reads them: a minus is a sign only where no word is before it."""
     shot, scene = kit.module("shot"), kit.build_scene()
     for name, pattern, frame in (
-        ("shot-0007", "shot-####", 7),
-        ("shot_-0007", "shot_####", -7),
-        ("-0007", "####", -7),
-        ("a1-7", "a1-#", 7),
+        ("shot-0007.exr", "shot-####.exr", 7),
+        ("shot_-0007.exr", "shot_####.exr", -7),
+        ("-0007.exr", "####.exr", -7),
+        ("a1-7.exr", "a1-#.exr", 7),
+        ("SHOT_0007_L.EXR", "SHOT_####_L.EXR", 7),
     ):
-        folder = kit.folder("minus")
-        (folder / f"{name}.exr").write_bytes(b"x")
+        folder = kit.folder("numbers")
+        (folder / name).write_bytes(b"x")
         scene.hush.input_folder = str(folder)
         shot._sequences.clear()
-        assert shot.frame_pattern(scene) == folder / f"{pattern}.exr", name
-        assert shot.frame_file(shot.frame_pattern(scene), frame) == folder / f"{name}.exr"
-        named = kit.module("denoising.denoise")._named(str(folder / f"{name}.exr"))
-        assert named == [(folder / f"{pattern}.exr", [frame])], named
+        assert shot.frame_pattern(scene) == folder / pattern, name
+        assert shot.frame_file(shot.frame_pattern(scene), frame) == folder / name
+        assert kit.module("denoising.denoise")._named(str(folder / name)) == [(folder / pattern, [frame])], name
+        assert shot.example(folder) == folder / name
 
 
 def test_what_blender_fills_in_has_no_frame_number() -> None:
