@@ -11,6 +11,7 @@ from mathutils import Vector
 
 from training.shots.cycles import hair, volumes, water
 from training.shots.cycles.built import Built
+from training.shots.cycles.lights import area_lamp
 from training.shots.cycles.materials import colour, material
 from training.shots.cycles.motion import animate, flicker
 from training.shots.cycles.signs import bulbs, lit_wall, signs
@@ -104,13 +105,9 @@ def skin(shot: Built) -> None:
         tree.links.new(bump.outputs[0], inputs["Normal"])
         body.data.materials.clear()
         body.data.materials.append(made)
-    lamp = bpy.data.lights.new("behind", "AREA")
-    lamp.energy, lamp.size = shot.size**2 * r.uniform(5, 30), shot.size * 0.3
-    light = bpy.data.objects.new("behind", lamp)
-    angle = r.uniform(0, 6.28)
-    light.location = (math.cos(angle) * shot.size, math.sin(angle) * shot.size, shot.size * r.uniform(0.4, 0.9))
-    light.rotation_euler = (Vector((0, 0, 0.3 * shot.size)) - light.location).to_track_quat("-Z", "Y").to_euler()
-    shot.scene.collection.objects.link(light)
+    energy, angle = shot.size**2 * r.uniform(5, 30), r.uniform(0, 6.28)
+    behind = Vector((math.cos(angle), math.sin(angle), r.uniform(0.4, 0.9))) * shot.size
+    area_lamp(shot.scene, energy, shot.size * 0.3, behind, Vector((0, 0, 0.3 * shot.size)))
 
 
 def leaf_material(r: random.Random) -> bpy.types.Material:

@@ -40,6 +40,16 @@ def environment(r: random.Random, scene: bpy.types.Scene, kind: str, assets: Ass
     return size, strength.default_value
 
 
+def area_lamp(scene: bpy.types.Scene, energy: float, size: float, place: Vector, aim: Vector) -> None:
+    """A square lamp that looks at a point."""
+    light = bpy.data.lights.new("area", "AREA")
+    light.energy, light.size = energy, size
+    thing = bpy.data.objects.new("area", light)
+    thing.location = place
+    thing.rotation_euler = (aim - place).to_track_quat("-Z", "Y").to_euler()
+    scene.collection.objects.link(thing)
+
+
 def lamp(r: random.Random, scene: bpy.types.Scene, kind: str, size: float) -> bpy.types.Object:
     """One lamp that looks roughly at the middle of the scene."""
     sort = r.choice(["AREA", "AREA", "POINT", "SPOT", "SUN"])  # in a room the sun needs an opening, and three of five have one

@@ -10,6 +10,7 @@ import bpy
 from mathutils import Vector
 
 from training.shots.cycles.built import Built
+from training.shots.cycles.lights import area_lamp
 from training.shots.cycles.materials import colour, texture_colour
 from training.shots.cycles.meshes import lettering
 from training.shots.cycles.motion import keyed
@@ -97,12 +98,9 @@ def lit_wall(shot: Built) -> None:
     if r.random() < 0.4:
         pale.node_tree.links.new(texture_colour(r, pale.node_tree, 2.0, shot.assets), inputs["Base Color"])
     wall.data.materials.append(pale)
-    lamp = bpy.data.lights.new("on the wall", "AREA")
-    lamp.energy, lamp.size = shot.distance**2 * r.uniform(10, 60), shot.distance * math.exp(r.uniform(-2.5, -0.7))
-    light = bpy.data.objects.new("on the wall", lamp)
-    light.location = middle + (Vector([r.gauss(0, 0.4) for _ in range(3)]) - ahead * 0.5) * shot.distance
-    light.rotation_euler = (middle - light.location).to_track_quat("-Z", "Y").to_euler()
-    shot.scene.collection.objects.link(light)
+    energy, size = shot.distance**2 * r.uniform(10, 60), shot.distance * math.exp(r.uniform(-2.5, -0.7))
+    before = middle + (Vector([r.gauss(0, 0.4) for _ in range(3)]) - ahead * 0.5) * shot.distance
+    area_lamp(shot.scene, energy, size, before, middle)
     depth = (0.4, share - 0.1)
     bulbs(shot, r.randint(0, 7), (0, 5), depth)
     for _ in range(r.randint(2, 6)):
