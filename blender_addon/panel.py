@@ -2,17 +2,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What is drawn: the panel in the render properties, and the one beside the compositor's nodes."""
 
-import textwrap
-
 import bpy
 
-from . import messages, refresh, shot, status
+from . import messages, paragraph, refresh, shot, status
 from .checks import check
 from .denoising import denoise
 from .nodes import node
 
-# A letter's width in the interface's own units, a little generous.
-_LETTER = 6.5
 # Where a problem is drawn, by its key; all others belong to preparing.
 _STEP_OF = {
     **dict.fromkeys(("frames", "older", "lossy", "first_frame", "render_folder"), 2),
@@ -37,17 +33,20 @@ class RENDER_PT_hush(_HushPanel, bpy.types.Panel):
         """Draws only what is known already, and asks for a fresh look."""
         refresh.request()
         scene, layout = context.scene, self.layout
-        width = _width(context)
+        width = paragraph.width(context)
         state = status.last_known(scene)
         problems = refresh.problems(scene) or []
         steps = [[p for p in problems if _STEP_OF.get(p.key, 1) == step] for step in (1, 2, 3, 4)]
         layout.operator("hush.whole_shot", icon="RENDER_ANIMATION")
         _draw_prepare(layout, scene, all(p.level == check.INFO for p in steps[0]))
         _draw_problems(layout, steps[0], width)
-        _draw_render(layout, state)
-        _draw_problems(layout, steps[1], width)
-        _draw_denoise(layout, scene, state, width)
-        _draw_problems(layout, steps[2], width)
+        _draw_render(layout, state, width)
+        rendering = bpy.app.is_job_running("RENDER")
+        _draw_problems(layout, [p for p in steps[1] if not (rendering and p.key == "frames")], width)
+        # That nothing is rendered stands under the step before; what is out of date in the status, in fewer words.
+        told = bool(state and not state.rendered and any(p.key == "frames" for p in steps[1]))
+        _draw_denoise(layout, scene, None if told else state, width)
+        _draw_problems(layout, [p for p in steps[2] if p.key != "stale" or not state], width)
         _draw_composite(layout, scene, state, width)
         _draw_problems(layout, steps[3], width)
 
@@ -61,10 +60,13 @@ class RENDER_PT_hush_settings(_HushPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """The dial first."""
         layout, hush = self.layout, context.scene.hush
+        # As wide as the panel: beside a label of half the width its name would be cut off.
+        dial = layout.row()
+        dial.prop(hush, "lam", slider=True)
+        dial.prop_decorator(hush, "lam")
         layout.use_property_split = True
-        layout.prop(hush, "lam", slider=True)
         if shot.lambda_source(context.scene) in ("driver", "nla"):
-            layout.label(text=messages.text("lambda_driver_now"), icon="INFO")
+            paragraph.draw(layout.column(align=True), messages.text("lambda_driver_now"), paragraph.width(context), icon="INFO")
         column = layout.column()
         column.use_property_decorate = False
         column.prop(hush, "lambda_pass")
@@ -98,20 +100,13 @@ class RENDER_PT_hush_folders(_HushPanel, bpy.types.Panel):
         layout.prop(scene.hush, "composite_format")
         column = layout.column(align=True)
         for line in refresh.folders(scene):
-            _paragraph(column, line, _width(context))
+            paragraph.draw(column, line, paragraph.width(context))
 
 
 def _draw_problems(layout: bpy.types.UILayout, problems: list[check.Problem], width: float) -> None:
     column = layout.column(align=True)
     for problem in problems:
-        line = column.row()
-        icon = {check.ERROR: "ERROR", check.WARNING: "QUESTION"}.get(problem.level, "INFO")
-        _paragraph(line.column(align=True), problem.text, width - (80 if problem.fix else 0), icon=icon)
-        if problem.fix:
-            operator, arguments = problem.fix
-            button = line.operator(operator, text="Fix")
-            for name, value in arguments.items():
-                setattr(button, name, value)
+        paragraph.draw_with_fix(column, problem.text, width, icon=check.ICONS[problem.level], fix=problem.fix)
 
 
 def _draw_prepare(layout: bpy.types.UILayout, scene: bpy.types.Scene, ready: bool) -> None:
@@ -121,18 +116,18 @@ def _draw_prepare(layout: bpy.types.UILayout, scene: bpy.types.Scene, ready: boo
     row.operator("hush.check_shot", text="", icon="VIEWZOOM")
 
 
-def _draw_render(layout: bpy.types.UILayout, state: status.ShotStatus | None) -> None:
+def _draw_render(layout: bpy.types.UILayout, state: status.ShotStatus | None, width: float) -> None:
     rendered = bool(state and state.total and state.rendered == state.total)
-    row = _step(layout, rendered, "render.render", "2. Render Animation", animation=True)
     if state and state.total:
-        row.label(text=messages.text("status_rendered", count=state.rendered, total=state.total))
+        layout = paragraph.beside(layout, messages.text("status_rendered", count=state.rendered, total=state.total), width)
+    _step(layout, rendered, "render.render", "2. Render Animation", animation=True)
 
 
 def _draw_denoise(layout: bpy.types.UILayout, scene: bpy.types.Scene, state: status.ShotStatus | None, width: float) -> None:
     finished = bool(state and state.total and state.done == state.total)
     _step(layout, finished, "hush.denoise_shot", "3. Denoise Shot")
-    if not _draw_progress(layout, scene) and state:
-        _paragraph(layout.column(align=True), messages.sentence(state.text), width, icon="ERROR" if state.stale else "BLANK1")
+    if not _draw_progress(layout, scene, width) and state:
+        paragraph.draw(layout.column(align=True), messages.sentence(state.text), width, icon="ERROR" if state.stale else "BLANK1")
 
 
 def _draw_composite(layout: bpy.types.UILayout, scene: bpy.types.Scene, state: status.ShotStatus | None, width: float) -> None:
@@ -151,7 +146,7 @@ def _draw_reasons(layout: bpy.types.UILayout, trees: list[bpy.types.NodeTree], w
     """Why nodes pass their input through, each reason once."""
     column = layout.column(align=True)
     for reason in dict.fromkeys(node.why_off(tree) for tree in trees if not node.is_on(tree)):
-        _paragraph(column, messages.text("node_off", reason=reason), width, icon="INFO")
+        paragraph.draw(column, messages.text("node_off", reason=reason), width, icon="INFO")
 
 
 def _step(layout: bpy.types.UILayout, done: bool | None, operator: str, text: str, **arguments: object) -> bpy.types.UILayout:
@@ -163,11 +158,12 @@ def _step(layout: bpy.types.UILayout, done: bool | None, operator: str, text: st
     return row
 
 
-def _draw_progress(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> bool:
+def _draw_progress(layout: bpy.types.UILayout, scene: bpy.types.Scene, width: float) -> bool:
     progress = denoise.progress(scene)
     if progress is None:
         return False
-    layout.progress(factor=progress[0], text=progress[1], type="BAR")
+    layout.progress(factor=progress[0], text=f"{progress[0]:.0%}", type="BAR")
+    paragraph.draw(layout.column(align=True), progress[1], width)
     return True
 
 
@@ -187,7 +183,7 @@ class NODE_PT_hush(bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draws only what is known already, and asks for a fresh look."""
         refresh.request()
-        layout, scene, width = self.layout, context.scene, _width(context)
+        layout, scene, width = self.layout, context.scene, paragraph.width(context)
         trees = node.trees(scene)
         if not trees:
             layout.operator("hush.add_node", icon=node.ICON)
@@ -211,24 +207,12 @@ def _draw_node(layout: bpy.types.UILayout, tree: bpy.types.NodeTree, scene: bpy.
     column.prop(scene.hush, "input_folder", text="Frames")
     state = status.last_known(scene)
     column = layout.column(align=True)
-    if not _draw_progress(column, scene) and state:
-        _paragraph(column, messages.sentence(state.text), width, icon="ERROR" if state.stale else "NONE")
+    if not _draw_progress(column, scene, width) and state:
+        paragraph.draw(column, messages.sentence(state.text), width, icon="ERROR" if state.stale else "NONE")
     _draw_reasons(column, [tree], width)
     buttons = layout.column(align=True)
     buttons.operator("hush.denoise_shot", icon=node.ICON).scene = scene.name
     buttons.operator("hush.composite_shot", icon="RENDER_ANIMATION")
-
-
-def _width(context: bpy.types.Context) -> float:
-    """Of the region, in the interface's own units."""
-    return context.region.width / (context.preferences.system.ui_scale or 1.0)
-
-
-def _paragraph(column: bpy.types.UILayout, text: str, width: float, *, icon: str = "NONE") -> None:
-    """Text in as many lines as it takes; labels alone would be cut off."""
-    letters = max(16, int(width / _LETTER) - (4 if icon != "NONE" else 0))
-    for number, line in enumerate(textwrap.wrap(text, letters, break_on_hyphens=False) or [""]):
-        column.label(text=line, icon=icon if number == 0 else "BLANK1" if icon != "NONE" else "NONE")
 
 
 register, unregister = bpy.utils.register_classes_factory((RENDER_PT_hush, RENDER_PT_hush_settings, RENDER_PT_hush_folders, NODE_PT_hush))

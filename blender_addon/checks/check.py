@@ -7,7 +7,7 @@ from pathlib import Path
 
 import bpy
 
-from .. import messages, prepare, shot, status
+from .. import messages, paragraph, prepare, shot, status
 from ..messages import Refusal
 from ..scene_operator import SceneOperator
 from .files import RENDERED as RENDERED
@@ -16,9 +16,11 @@ from .files import why_not_writable as why_not_writable
 from .problem import ERROR, INFO, WARNING, Problem
 from .scene import scene_problems
 
-_ICONS = {ERROR: "ERROR", WARNING: "QUESTION", INFO: "INFO"}
+# What a problem's level looks like.
+ICONS = {ERROR: "ERROR", WARNING: "QUESTION", INFO: "INFO"}
 # The disk is looked at again after this many times what it took, so that a slow network drive is not asked all the time.
 _REST, _LEAST_REST = 50.0, 3.0
+_POPUP_WIDTH = 560
 _seen: dict[int, tuple[object, float, list[Problem]]] = {}
 
 
@@ -92,21 +94,16 @@ class HUSH_OT_check_shot(SceneOperator, bpy.types.Operator):
         if scene is None:
             return {"CANCELLED"}
         problems(scene, fresh=True)
-        return context.window_manager.invoke_popup(self, width=560)
+        return context.window_manager.invoke_popup(self, width=_POPUP_WIDTH)
 
     def draw(self, context: bpy.types.Context) -> None:
-        """A line for each problem; a fixed one vanishes."""
+        """A paragraph for each problem; a fixed one vanishes."""
         scene = bpy.data.scenes.get(self.scene) or context.scene
         found = last_problems(scene)
         self.layout.label(text=_summary(found), icon="ERROR" if found else "CHECKMARK")
+        width = paragraph.popup_width(_POPUP_WIDTH)
         for problem in found:
-            row = self.layout.row()
-            row.label(text=problem.text, icon=_ICONS[problem.level])
-            if problem.fix:
-                operator, arguments = problem.fix
-                button = row.operator(operator, text="Fix")
-                for name, value in arguments.items():
-                    setattr(button, name, value)
+            paragraph.draw_with_fix(self.layout, problem.text, width, icon=ICONS[problem.level], fix=problem.fix)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Reports the problems; cancelled, with an error, where the shot cannot be denoised so."""

@@ -76,6 +76,7 @@ def _add(view: str, wipe: float, spaces: list[bpy.types.SpaceImageEditor]) -> No
     _shown.image_uid = made.session_uid
     made.name = NAME
     compat.use_space(made, _shown.space)
+    _set_transform(made, view)
     for space in spaces:
         if not any(space == known for known, _ in _shown.before):
             _shown.before.append((space, space.image.name_full if space.image else ""))
@@ -87,7 +88,13 @@ def update(view: str, wipe: float) -> None:
     made = image()
     if _shown is not None and made is not None:
         _write(_shown, view, wipe)
+        _set_transform(made, view)
         made.reload()
+
+
+def _set_transform(made: bpy.types.Image, view: str) -> None:
+    """Light looks as the render does, through the scene's view transform; the map of what flickers as it is."""
+    made.use_view_as_render = view != "FLICKER"
 
 
 def take_out() -> list[bpy.types.SpaceImageEditor]:

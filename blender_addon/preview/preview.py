@@ -11,7 +11,7 @@ import bpy
 from bpy.app.handlers import persistent
 from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
-from .. import compat, messages, shot
+from .. import compat, messages, paragraph, shot
 from ..jobs import background
 from ..messages import Refusal
 from . import display
@@ -218,9 +218,9 @@ class IMAGE_PT_hush(bpy.types.Panel):
         layout, scene = self.layout, context.scene
         layout.prop(scene.hush, "lam", slider=True)
         layout.prop(scene.hush, "window")
-        row = layout.row(align=True)
-        row.operator("hush.preview_frame", icon="IMAGE_DATA").flicker = False
-        row.operator("hush.preview_frame", text="With Flicker").flicker = True
+        column = layout.column(align=True)
+        column.operator("hush.preview_frame", icon="IMAGE_DATA").flicker = False
+        column.operator("hush.preview_frame", text="With Flicker").flicker = True
         if scene.render.use_border:
             layout.label(text=messages.text("preview_region"), icon="BORDERMOVE")
         if _running is not None:
@@ -233,17 +233,17 @@ class IMAGE_PT_hush(bpy.types.Panel):
         column.prop(window_manager, "hush_preview_view", text="")
         if view_of()[0] in ("WIPE", "FLICKER"):
             column.prop(window_manager, "hush_preview_wipe", slider=True)
-        column = layout.column(align=True)
+        column, width = layout.column(align=True), paragraph.width(context)
         about = {name: result[name] for name in ("frame", "lam", "window", "seconds")}
-        column.label(text=messages.text("preview_about", **about))
+        paragraph.draw(column, messages.text("preview_about", **about), width)
         if result["change"] is not None:
-            column.label(text=messages.text("preview_change", change=result["change"]))
+            paragraph.draw(column, messages.text("preview_change", change=result["change"]), width)
         if view_of()[0] == "FLICKER":
             known = result["change"] is not None
             scale = messages.text("preview_scale", most=display.MOST_CHANGE)
-            column.label(text=scale if known else messages.text("preview_no_flicker"))
+            paragraph.draw(column, scale if known else messages.text("preview_no_flicker"), width)
         for text in notes(result):
-            column.label(text=text, icon="QUESTION")
+            paragraph.draw(column, text, width, icon="QUESTION")
         layout.operator("hush.end_preview", icon="X")
 
 

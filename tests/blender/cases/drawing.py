@@ -49,7 +49,8 @@ class Operator:
 def draw() -> str:
     """Draws all panels; returns what they show."""
     seen: list[str] = []
-    context = SimpleNamespace(scene=bpy.context.scene, region=SimpleNamespace(width=400), preferences=bpy.context.preferences)
+    region = SimpleNamespace(width=400, type="WINDOW")
+    context = SimpleNamespace(scene=bpy.context.scene, region=region, preferences=bpy.context.preferences)
     panel = kit.module("panel")
     for name in ("RENDER_PT_hush", "RENDER_PT_hush_settings", "RENDER_PT_hush_folders", "NODE_PT_hush"):
         getattr(panel, name).draw(SimpleNamespace(layout=Layout(seen)), context)
@@ -131,6 +132,19 @@ def test_paths_that_cannot_be_used() -> None:
     scene.render.filepath = "/tmp/{nothing}/x" if frames.BLENDER_5 else "//unsaved"
     look(scene)
     draw()
+
+
+def test_lines_fit_and_lose_nothing() -> None:
+    paragraph = kit.module("paragraph")
+    text = "The shot is not rendered yet, there are no frames in /jobs/a_film/sequence_010/shot_0040/lighting/v012: press Render Animation"
+    for room in (60.0, 121.0, 203.0, 480.0):
+        lines = paragraph.lines(text, room, 11.0)
+        assert "".join(lines).replace(" ", "") == text.replace(" ", "")
+        assert all(paragraph._width_of(line, 11.0) <= room for line in lines), (room, lines)
+        longest = max(paragraph._width_of(line, 11.0) for line in lines)
+        assert longest > 0.7 * room or len(lines) == 1, (room, longest)
+    assert len(paragraph.lines(text, 480.0, 11.0)) < len(paragraph.lines(text, 480.0, 16.0)), "a greater font takes more lines"
+    assert paragraph.lines("", 100.0, 11.0) == ()
 
 
 def test_the_sidebar_is_beside_the_compositor_only() -> None:

@@ -110,11 +110,13 @@ def test_views_and_wipe() -> None:
     level = np.concatenate([maps[0][:, :48], maps[1][:, 48:]], axis=1)
     seen = np.isfinite(level)
     made = pixels()
+    assert not bpy.data.images[NAME].use_view_as_render, "a map is no light"
     kit.assert_close(made[..., 0][seen], np.clip(level[seen] / 0.25, 0, 1) ** 2.2, 1e-5, "change")
     assert (made[~seen] == np.float32([0.0, 0.02, 0.15, 1.0])).all()
     for view, image in (("NOISY", want["noisy"]), ("DENOISED", want["denoised"])):
         manager.hush_preview_view = view
         kit.assert_close(pixels()[..., :3], image[..., :3], 1e-6, view)
+        assert bpy.data.images[NAME].use_view_as_render, "it is to look as the render does"
     manager.hush_preview_view = "WIPE"
     manager.hush_preview_wipe = 0.25
     both = np.concatenate([want["noisy"][:, :24, :3], want["denoised"][:, 24:, :3]], axis=1)
