@@ -178,7 +178,7 @@ TEXTS = {
     "status_some_unrendered": "{count:is} not rendered",
     "status_to_do": "{count} to do",
     "status_wrong_size": "denoised at {columns} × {rows}, the scene renders {wanted_columns} × {wanted_rows}",
-    "status_rendered": "{count} of {total}",
+    "status_rendered": "{count} of {total:frame} rendered",
     "frames_from": "From {path}",
     "frames_to": "To {path}",
     # The node, and why it passes the image through

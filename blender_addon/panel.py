@@ -118,9 +118,10 @@ def _draw_prepare(layout: bpy.types.UILayout, scene: bpy.types.Scene, ready: boo
 
 def _draw_render(layout: bpy.types.UILayout, state: status.ShotStatus | None, width: float) -> None:
     rendered = bool(state and state.total and state.rendered == state.total)
-    if state and state.total:
-        layout = paragraph.beside(layout, messages.text("status_rendered", count=state.rendered, total=state.total), width)
     _step(layout, rendered, "render.render", "2. Render Animation", animation=True)
+    if state and 0 < state.rendered < state.total:
+        text = messages.text("status_rendered", count=state.rendered, total=state.total)
+        paragraph.draw(layout.column(align=True), text, width, icon="BLANK1")
 
 
 def _draw_denoise(layout: bpy.types.UILayout, scene: bpy.types.Scene, state: status.ShotStatus | None, width: float) -> None:

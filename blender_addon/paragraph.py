@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 Hush authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Text in lines that fit, and a button or a number beside a line; labels alone share the row in halves and are cut off.
+"""Text in lines that fit, and a button beside it; labels alone are cut off, and halved by what stands beside them.
 
 Widths are in the interface's own units, pixels at resolution scale 1. What Blender puts around a text was measured in a window of 4.3.
 """
@@ -18,6 +18,8 @@ _POPUP = 14.0
 # Around the text of a label, and the icon before it.
 _AROUND = 8.0
 _ICON = 20.0
+# In a panel drawn together to nothing text is cut off and not stood on end.
+_LEAST = 60.0
 # The room for `Fix`.
 _BUTTON = 50.0
 
@@ -36,7 +38,7 @@ def popup_width(of: int) -> float:
 
 def draw(column: bpy.types.UILayout, text: str, width: float, *, icon: str = "NONE") -> None:
     """Text in as many lines as it takes."""
-    room = width - _AROUND - (_ICON if icon != "NONE" else 0.0)
+    room = max(width - _AROUND - (_ICON if icon != "NONE" else 0.0), _LEAST)
     for number, line in enumerate(lines(text, room, _points()) or ("",)):
         column.label(text=line, icon=icon if number == 0 else "BLANK1" if icon != "NONE" else "NONE")
 
@@ -46,25 +48,13 @@ def draw_with_fix(column: bpy.types.UILayout, text: str, width: float, *, icon: 
     if fix is None:
         draw(column.column(align=True), text, width, icon=icon)
         return
-    place, end = parted(column, width, _BUTTON)
-    draw(place.column(align=True), text, width - _BUTTON, icon=icon)
+    # A plain row would share its width by what the parts would like.
+    row = column.split(factor=1.0 - _BUTTON / max(width, 2 * _BUTTON))
+    draw(row.column(align=True), text, width - _BUTTON, icon=icon)
     operator, arguments = fix
-    button = end.operator(operator, text="Fix")
+    button = row.row().operator(operator, text="Fix")
     for name, value in arguments.items():
         setattr(button, name, value)
-
-
-def beside(layout: bpy.types.UILayout, text: str, width: float) -> bpy.types.UILayout:
-    """Draws a short text at the right, as wide as it is, and returns what is left of it."""
-    rest, end = parted(layout, width, _width_of(text, _points()) + 2 * _AROUND)
-    end.label(text=text)
-    return rest
-
-
-def parted(layout: bpy.types.UILayout, width: float, end: float) -> tuple[bpy.types.UILayout, bpy.types.UILayout]:
-    """A row of two parts, the second so wide. A plain row would share its width by what the parts would like."""
-    split = layout.split(factor=max(0.1, 1.0 - end / width))
-    return split.row(), split.row()
 
 
 @lru_cache(maxsize=512)
