@@ -313,6 +313,12 @@ def text(key: str, **fields: object) -> str:
     return sentence(made) if template.startswith("{frames:") else made
 
 
+def listed(names: Iterable[str]) -> str:
+    """Several names in a sentence: `a, b and c`."""
+    *first, last = list(names) or [""]
+    return f"{', '.join(first)} and {last}" if first else last
+
+
 def stale(kind: str | None, reason: str | None = None) -> str:
     """Why a frame is out of date, from what `hush.check_sequence` says of it."""
     known = STALE.get(kind or "")

@@ -158,7 +158,7 @@ def settings(scene: bpy.types.Scene, file: Path | None) -> tuple[dict[str, Any],
         "second_pass": bool(scene.hush.second_pass),
         **lambda_mask(scene),
     }
-    lacking = {"layers": " and ".join(strange), "there": ", ".join(sorted(there))}
+    lacking = {"layers": messages.listed(strange), "there": ", ".join(sorted(there))}
     return chosen, [messages.text("strange_layers", file=file.name, **lacking)] if strange else []
 
 

@@ -140,13 +140,13 @@ def _older_layout(scene: bpy.types.Scene, file: Path, passes: dict[str, set[str]
         return
     gone = [name for name in (*shot.layers(scene), shot.vector_layer(scene) or "") if name and name not in passes]
     if gone:
-        yield problem("older", "older_layer", file=file.name, layers=" and ".join(gone))
+        yield problem("older", "older_layer", file=file.name, layers=messages.listed(gone))
     for name in shot.layers(scene):
         layer = scene.view_layers[name]
         wanted = {"Denoising Albedo": layer.cycles.denoising_store_passes, "Vector": layer.use_pass_vector, "Depth": layer.use_pass_z}
         lacking = [each for each, on in wanted.items() if on and name in passes and each not in passes[name]]
         if lacking:
-            yield problem("older", "older_pass", file=file.name, passes=" and ".join(lacking), layer=name)
+            yield problem("older", "older_pass", file=file.name, passes=messages.listed(lacking), layer=name)
 
 
 def _nearest(path: Path) -> Path:

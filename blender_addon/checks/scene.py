@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import bpy
 
-from .. import compat, prepare, shot
+from .. import compat, messages, prepare, shot
 from ..messages import Refusal
 from ..nodes import node
 from ..settings import SETTINGS
@@ -44,7 +44,7 @@ def _cycles_problems(scene: bpy.types.Scene) -> Iterator[Problem]:
     for layer in prepare.rendered_layers(scene):
         missing = prepare.missing_passes(layer)
         if missing:
-            yield problem("passes", "passes", fix_in=name, layer=layer.name, passes=" and ".join(missing))
+            yield problem("passes", "passes", fix_in=name, layer=layer.name, passes=messages.listed(missing))
     for switch in prepare.GUIDE_SWITCHES:
         for layer in prepare.layers_without(scene, switch):
             yield problem(switch, switch, fix_in=name, layer=layer.name)
@@ -112,7 +112,7 @@ def _lambda_mask_problems(scene: bpy.types.Scene) -> Iterator[Problem]:
     elif name and scene.render.engine == "CYCLES" and not scene.hush.input_folder:
         aovs = {layer: {aov.name for aov in scene.view_layers[layer].aovs} for layer in shot.layers(scene)}
         if not any(name in there for there in aovs.values()):
-            yield problem("lambda_mask", "lambda_mask_missing", ERROR, layer=" and ".join(aovs), name=name)
+            yield problem("lambda_mask", "lambda_mask_missing", ERROR, layer=messages.listed(aovs), name=name)
 
 
 def _node_problems(scene: bpy.types.Scene) -> Iterator[Problem]:

@@ -107,7 +107,7 @@ def _refuse(scene: bpy.types.Scene) -> None:
         raise Refusal(messages.text("stereo_one_file"))
     unsaved = _unsaved_images(scene)
     if unsaved:
-        raise Refusal(messages.text("composite_unsaved", images=" and ".join(unsaved)))
+        raise Refusal(messages.text("composite_unsaved", images=messages.listed(unsaved)))
     if scene.hush.composite_folder.startswith("//") and not bpy.data.is_saved:
         raise Refusal(messages.text("save"))
     target = folder(scene)

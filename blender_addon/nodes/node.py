@@ -175,7 +175,7 @@ def _show(tree: bpy.types.NodeTree, scene: bpy.types.Scene) -> str | None:
     source = tree.hush.scene or scene
     others = [] if tree.hush.scene else [other for other in owners(tree) if _files(other) != _files(scene)]
     if others:
-        return messages.text("node_owners", scenes=" and ".join(sorted(each.name for each in {scene, *others})))
+        return messages.text("node_owners", scenes=messages.listed(sorted(each.name for each in {scene, *others})))
     if scene.render.use_multiview or source.render.use_multiview:
         return messages.text("node_stereo")
     if scene.render.frame_map_old != scene.render.frame_map_new:

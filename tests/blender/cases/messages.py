@@ -24,6 +24,12 @@ def test_no_words_of_the_command_line() -> None:
         assert not found, f"{key}: {found[0]!r} in {text!r}"
 
 
+def test_lists_are_sentences() -> None:
+    names = ["Denoising Data", "Vector", "Depth"]
+    made = [messages.listed(names[:count]) for count in range(4)]
+    assert made == ["", "Denoising Data", "Denoising Data and Vector", "Denoising Data, Vector and Depth"]
+
+
 def test_fields_are_named() -> None:
     for key, text in every_text().items():
         for _, field, _, conversion in string.Formatter().parse(text):
