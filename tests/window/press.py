@@ -72,12 +72,12 @@ def workspace(name: str) -> Steps:
     yield 1.0
 
 
-def picture(name: str) -> Steps:
+def picture(name: str, wait: float = 2.0) -> Steps:
     """Of the whole screen, by ImageMagick where it is there: Blender's own is black without a graphics card."""
     before = sum(DRAWN.values())
     for each in window().screen.areas:
         each.tag_redraw()
-    yield 2.0
+    yield wait
     assert sum(DRAWN.values()) > before, "no panel of Hush was drawn"
     if shutil.which("import"):
         subprocess.run(["import", "-window", "root", PICTURES / f"{name}.png"], check=True)
@@ -141,12 +141,12 @@ def render() -> Steps:
 
 def denoise_until_esc() -> Steps:
     assert press(bpy.ops.hush.denoise_shot) == {"RUNNING_MODAL"}
-    yield lambda: written(SHOT / "denoised") >= 2
-    yield from picture("denoising")
+    yield lambda: written(SHOT / "denoised") >= 1
+    yield from picture("denoising", wait=0.3)
     assert not idle()
     escape()
     yield idle
-    assert 2 <= written(SHOT / "denoised") < FRAMES, "Esc came too late, or not at all"
+    assert 1 <= written(SHOT / "denoised") < FRAMES, "Esc came too late, or not at all"
     assert not list((SHOT / "denoised").glob(".*.part"))
 
 
@@ -186,7 +186,7 @@ def node_and_composite() -> Steps:
     node = next(each for each in tree.nodes if each.bl_idname == "CompositorNodeGroup")
     viewer = tree.nodes.new("CompositorNodeViewer")
     viewer.location = node.location.x + 300, node.location.y + 60
-    next(each for each in tree.nodes if each.bl_idname == "CompositorNodeComposite").location = node.location.x + 300, node.location.y - 120
+    module("compat").output_node(tree).location = node.location.x + 300, node.location.y - 120
     tree.links.new(node.outputs[0], viewer.inputs[0])
     scene.frame_set(5)
     yield lambda: module("nodes.node").is_on(node.node_tree)

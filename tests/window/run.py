@@ -1,6 +1,7 @@
 """Presses the extension's buttons in a window of a real Blender, checks what comes of it and takes pictures of how it looks.
 
     python tests/window/run.py                                    # as root on Debian: Blender 4.3 in a Debian of its own, 2 GB, ten minutes
+    python tests/window/run.py --suite sid                        # the Blender of another Debian: 5.2 in November 2026
     python tests/window/run.py --blender ~/blender-5.0/blender    # any other Blender, under Xvfb or on the screen that is there
     python tests/window/run.py --zip hush-0.1.0-linux_x64.zip     # this zip; without, one is built from the sources
 
@@ -21,19 +22,19 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")).resolve()
-SUITE, MIRROR = "trixie", "http://deb.debian.org/debian"
-PACKAGES = ["blender", "xvfb", "xauth", "libgl1-mesa-dri", "libegl1", "python3-numpy", "imagemagick"]
+MIRROR = "http://deb.debian.org/debian"
+PACKAGES = ["blender", "xvfb", "xauth", "libgl1-mesa-dri", "libegl1", "python3-numpy", "python3-cattr", "python3-requests", "imagemagick"]
 SIZE = "1400x860"
 TIME_LIMIT = 1800.0
 
 
-def debian(place: Path) -> None:
+def debian(suite: str, place: Path) -> None:
     """A Debian with Blender, unless it is there."""
     if (place / "usr/bin/blender").exists():
         return
     if shutil.which("debootstrap") is None:
         sys.exit("run.py: debootstrap is missing (apt install debootstrap); or name a Blender with --blender")
-    subprocess.run(["debootstrap", "--variant=minbase", SUITE, place, MIRROR], check=True)
+    subprocess.run(["debootstrap", "--variant=minbase", suite, place, MIRROR], check=True)
     install = ["apt-get", "install", "--yes", "--no-install-recommends", *PACKAGES]
     inside(place, [], ["env", "DEBIAN_FRONTEND=noninteractive", *install]).check_returncode()
 
@@ -57,6 +58,7 @@ def built_zip() -> Path:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--blender", type=Path, help="the program; without, Debian's")
+    parser.add_argument("--suite", default="trixie", help="of Debian, whose Blender it is (trixie)")
     parser.add_argument("--zip", type=Path, help="of the extension")
     parser.add_argument("--scratch", type=Path, default=TARGET / "window", help="folder for everything (target/window)")
     parser.add_argument("--pictures", type=Path, help="folder for the pictures (pictures, in scratch)")
@@ -90,9 +92,9 @@ def main() -> int:
             if chosen.blender:
                 subprocess.run([*settings, *words], check=False, timeout=TIME_LIMIT, stdout=log, stderr=log)
                 continue
-            debian(scratch / SUITE)
+            debian(chosen.suite, scratch / chosen.suite)
             command = " ".join(f"'{word}'" for word in [*settings, *words])
-            inside(scratch / SUITE, [ROOT, scratch, pictures], ["sh", "-c", f"{command} > '{work}/said.txt' 2>&1"], TIME_LIMIT)
+            inside(scratch / chosen.suite, [ROOT, scratch, pictures], ["sh", "-c", f"{command} > '{work}/said.txt' 2>&1"], TIME_LIMIT)
             log.write((work / "said.txt").read_bytes())
     said = (work / "log.txt").read_text(errors="replace")
     results = work / "results.json"
