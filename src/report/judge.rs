@@ -121,7 +121,7 @@ impl<'a> Judge<'a> {
             self.denoised_references.extend(denoised.then_some(number));
             reference = Some(colour);
         }
-        let observed = self.look(number).map_err(|why| self.unseen = self.unseen.or(why)).ok();
+        let observed = self.look(number, frame).map_err(|why| self.unseen = self.unseen.or(why)).ok();
         let sum: f64 = frame.colour.iter().filter(|v| v.is_finite()).map(|v| f64::from(v.max(0.0))).sum();
         let gain = (REFERENCE_MEAN / (sum / frame.colour.len() as f64).max(1e-6)) as f32;
         let vector = frame.vector.clone();
@@ -130,16 +130,20 @@ impl<'a> Judge<'a> {
     }
 
     /// The frame seen from the noisy frames around it.
-    fn look(&self, number: i64) -> Result<Observed, Option<Unseen>> {
+    fn look(&self, number: i64, centre: &Frame) -> Result<Observed, Option<Unseen>> {
         let k = self.distance.ok_or_else(|| (!self.scope.has_vectors()).then_some(Unseen::NoMotion))? as i64;
         if self.scope.around(number, k as usize).len() as i64 != 2 * k {
             return Err(None);
         }
         let mut frames = Vec::new();
         for n in number - k..=number + k {
+            if n == number {
+                frames.push(centre.clone());
+                continue;
+            }
             let read = self.scope.read(n).ok().and_then(|views| views.into_iter().next());
             let mut frame = read.ok_or(None)?;
-            if (1..k).contains(&(n - number).abs()) {
+            if (n - number).abs() < k {
                 // Only the way leads through it.
                 (frame.albedo, frame.normal, frame.depth) = (None, None, None);
             }
