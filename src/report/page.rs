@@ -268,9 +268,9 @@ fn method(report: &Report) -> Markup {
         }
         @if report.rows_by_setting.iter().any(|r| r.candidate.kind == CandidateKind::Oidn) {
             p {
-                "OIDN ran on the CPU, though it can on a GPU as well, with the settings that Cycles has by default: at quality high, with albedo \
-                 and normal where the frames have them, each of them filtered by itself first. Its time is its filters', these two included. " em { "raw" } " takes the guides as \
-                 they were rendered, " em { "fast" } " too, at quality fast. Times are by OIDN's own clock, of the second run in a row \
+                "OIDN ran on the CPU, though it can on a GPU as well, with the settings that Cycles has by default: at quality high, with \
+                 albedo and normal where the frames have them, each of them filtered by itself first. Its time is its filters', these \
+                 two included. " em { "raw" } " takes the guides as they were rendered, " em { "fast" } " too, at quality fast. Times are by OIDN's own clock, of the second run in a row \
                  of each filter, with as many threads; starting it and its files are not in them."
             }
         }

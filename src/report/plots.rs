@@ -84,7 +84,7 @@ pub fn error_against_time(report: &Report) -> Drawing {
     let mut drawing = Drawing::new(WIDTH, HEAD + (height + 70.0) * panels.len().max(1) as f64, "Error against time a frame");
     drawing.add(heading(report, "Error against time: lower and further left is better", &about));
     let times = report.rows_by_setting.iter().filter_map(|r| r.seconds);
-    // A fast setting takes a hundredth of a slow one.
+    // OIDN with clean guides takes ten times as long as Hush.
     let x = Scale::of_ratios(times.flat_map(|s| [s.low, s.high]));
     if panels.is_empty() {
         let text = "There is no error to show; the table has the times.".to_string();
