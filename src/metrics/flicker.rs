@@ -15,8 +15,8 @@ pub const EPSILON: f64 = 1e-2;
 ///
 /// W samples frame t−1 bilinearly where the point was: `vectors` is frame t's Vector pass, (rows, columns, 4), X and Y in
 /// pixels, y up, so the point at (column, row) was at (column + X, row − Y). Without vectors W is the identity. A pixel counts
-/// if it is finite, its source lies inside the frame, and so are the pixels that are sampled. Both frames are scaled by frame
-/// t's gain. None if no pixel counts; [`Error::SizeMismatch`] if the frames or the vectors differ in size.
+/// if it is finite, its source lies inside the frame, and so are the pixels that are sampled; so surfaces that come into view
+/// count, with the error of what hid them in the frame before. Both frames are scaled by frame t's gain. None if no pixel counts; [`Error::SizeMismatch`] if the frames or the vectors differ in size.
 pub fn flicker(previous: &Pair, current: &Pair, vectors: Option<ArrayView3<f32>>) -> Result<Option<f64>> {
     let (rows, columns) = current.size();
     check_sizes(previous.size(), (rows, columns), vectors)?;

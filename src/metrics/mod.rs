@@ -31,6 +31,7 @@ pub use images::ImageChoice;
 pub use pair::{Pair, Scaling};
 pub use psnr::psnr;
 pub use relmse::relmse;
+pub(crate) use remarks::denoised_references;
 pub use smape::smape;
 pub use ssim::ssim;
 pub use unbiased::{TwoReferences, unbiased_flicker_squared, unbiased_relmse};

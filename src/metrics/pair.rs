@@ -1,6 +1,6 @@
 //! A reference and a denoised image of one size, their common scale, and which pixels count.
 
-use ndarray::ArrayView3;
+use ndarray::{ArrayView3, Axis};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -136,6 +136,11 @@ struct Tally {
     denoised: usize,
     both: usize,
     sum: f64,
+}
+
+/// Whether there is anything to compare an image by: (rows, columns, 3).
+pub(crate) fn has_finite_pixel(image: ArrayView3<f32>) -> bool {
+    image.lanes(Axis(2)).into_iter().any(|pixel| pixel.iter().all(|v| v.is_finite()))
 }
 
 fn colour(image: &ArrayView3<f32>, row: usize, column: usize) -> [f64; 3] {

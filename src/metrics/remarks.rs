@@ -18,6 +18,11 @@ pub(super) struct Traits {
     pub same_pictures: Vec<i64>,
 }
 
+/// That the references of some frames are no truth, in a sentence.
+pub(crate) fn denoised_references(frames: String) -> String {
+    format!("The references of {frames} are denoised themselves: they hold a Noisy Image beside Combined.")
+}
+
 /// What holds for several frames, a sentence each.
 pub(super) fn remarks(frames: &[FrameEvaluation], traits: &Traits, vectors_given: bool) -> Vec<String> {
     let with = |wanted: &dyn Fn(&FrameEvaluation) -> bool| -> Vec<i64> {
@@ -32,9 +37,7 @@ pub(super) fn remarks(frames: &[FrameEvaluation], traits: &Traits, vectors_given
     remark(&with(&|f| f.motion == Some(Motion::Plain)), &|n| {
         format!("Flicker compares {n} without following motion: there is no Vector pass.")
     });
-    remark(&traits.denoised_reference, &|n| {
-        format!("The references of {n} are denoised themselves: they hold a Noisy Image beside Combined.")
-    });
+    remark(&traits.denoised_reference, &denoised_references);
     remark(&traits.cropped_apart, &|n| {
         format!("The two files of {n} are cropped at different places of the picture: they are compared corner by corner.")
     });

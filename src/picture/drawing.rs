@@ -192,9 +192,10 @@ pub fn styles() -> String {
     )
 }
 
-/// Text for XML and HTML: control characters are none, whatever a file is called.
+/// Text for XML and HTML: control characters and what XML does not count as characters are none, whatever a file is called.
 pub fn printable(text: &str) -> String {
-    text.replace(|c: char| c.is_control() && !matches!(c, '\n' | '\t'), "\u{fffd}")
+    let is_bad = |c: char| c.is_control() && !matches!(c, '\n' | '\t') || matches!(c, '\u{fffe}' | '\u{ffff}');
+    text.replace(is_bad, "\u{fffd}")
 }
 
 #[cfg(test)]
@@ -202,7 +203,7 @@ pub(super) mod tests {
     use super::*;
 
     pub fn sample() -> Drawing {
-        let mut drawing = Drawing::new(200.0, 100.0, "A <sample> & \"more\"\u{1}");
+        let mut drawing = Drawing::new(200.0, 100.0, "A <sample> & \"more\"\u{1}\u{ffff}");
         drawing.add([
             Shape::Line { points: vec![(0.0, 0.0), (50.0, 50.0)], ink: Ink::Grid, width: 1.0, dashed: true },
             Shape::Bar { x: 100.0, y: 20.0, width: 60.0, height: 40.0, ink: Ink::Series(1) },

@@ -6,6 +6,66 @@ use crate::picture::raster::text_width;
 /// The size of labels and ticks.
 pub const SMALL: f64 = 12.0;
 
+/// What an axis stands for from one end to the other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scale {
+    pub low: f64,
+    pub high: f64,
+    /// Whether equal ratios are equally far apart.
+    logarithmic: bool,
+}
+
+impl Scale {
+    /// From one number to another, equal differences equally far apart.
+    pub fn between(low: f64, high: f64) -> Self {
+        Self { low, high, logarithmic: false }
+    }
+
+    /// Holds all values with some room around them; logarithmic where they are above 0 and some are more than twice as large as others.
+    pub fn of(values: impl Iterator<Item = f64>) -> Self {
+        Self::around(values, 2.0)
+    }
+
+    /// As [`of`](Self::of), logarithmic however near the values are to each other.
+    pub fn of_ratios(values: impl Iterator<Item = f64>) -> Self {
+        Self::around(values, 1.0)
+    }
+
+    /// Logarithmic from this ratio of the greatest to the least value on.
+    fn around(values: impl Iterator<Item = f64>, ratio: f64) -> Self {
+        let (low, high) =
+            values.filter(|v| v.is_finite()).fold((f64::INFINITY, f64::NEG_INFINITY), |a, v| (a.0.min(v), a.1.max(v)));
+        if low > high {
+            return Self::between(0.0, 1.0);
+        }
+        // Beyond that ratio the least is 0 but for rounding.
+        if low > 0.0 && (ratio..1e12).contains(&(high / low)) {
+            let room = (high / low).powf(0.08).max(1.02);
+            return Self { low: low / room, high: high * room, logarithmic: true };
+        }
+        let room = 0.08 * (high - low).max(1e-3 * high.abs()).max(1e-12);
+        Self::between(low - room, high + room)
+    }
+
+    /// Where a value lies, 0…1.
+    fn share(&self, value: f64) -> f64 {
+        let place = |v: f64| if self.logarithmic { v.ln() } else { v };
+        let (low, high) = (place(self.low), place(self.high));
+        if high > low { (place(value) - low) / (high - low) } else { 0.5 }
+    }
+
+    /// Round values, about `count` where it is not a matter of decades.
+    fn ticks(&self, count: usize, whole: bool) -> Vec<(f64, String)> {
+        let (low, high) = (self.low, self.high);
+        if self.logarithmic && high >= 10.0 * low { decades(low, high) } else { ticks((low, high), count, whole) }
+    }
+
+    /// What is added to the axis' name.
+    fn note(&self) -> &'static str {
+        if self.logarithmic { " (logarithmic)" } else { "" }
+    }
+}
+
 /// A rectangle of a drawing with a scale on each side.
 #[derive(Clone, Copy, Debug)]
 pub struct Panel {
@@ -13,31 +73,24 @@ pub struct Panel {
     pub top: f64,
     pub width: f64,
     pub height: f64,
-    /// What the left and the right end, and the lower and the upper end, stand for.
-    pub x: (f64, f64),
-    pub y: (f64, f64),
+    /// From the left to the right end, and from the lower to the upper one.
+    pub x: Scale,
+    pub y: Scale,
 }
 
 impl Panel {
-    /// Whether equal ratios are equally far apart: where the values lie far apart and above 0.
-    fn is_logarithmic(&self) -> bool {
-        self.y.0 > 0.0 && self.y.1 > 2.0 * self.y.0
-    }
-
     /// Where a value lies.
     pub fn at(&self, x: f64, y: f64) -> (f64, f64) {
-        let share = |v: f64, (low, high): (f64, f64)| if high > low { (v - low) / (high - low) } else { 0.5 };
-        let up = if self.is_logarithmic() { share(y.ln(), (self.y.0.ln(), self.y.1.ln())) } else { share(y, self.y) };
-        (self.left + share(x, self.x) * self.width, self.top + (1.0 - up) * self.height)
+        (self.left + self.x.share(x) * self.width, self.top + (1.0 - self.y.share(y)) * self.height)
     }
 
     /// Grid lines, numbers, and what the axes are called.
     pub fn frame(&self, across: &str, up: &str, whole: bool) -> Vec<Shape> {
         let mut out = Vec::new();
         let text = |x: f64, y: f64, text: String, anchor: Anchor, ink: Ink| Shape::Text { x, y, text, size: SMALL, anchor, ink };
-        let (mut before, logarithmic) = (f64::INFINITY, self.is_logarithmic());
-        for (value, label) in ticks(self.y, if logarithmic { 14 } else { 6 }, false) {
-            let (_, y) = self.at(self.x.0, value);
+        let mut before = f64::INFINITY;
+        for (value, label) in self.y.ticks(if self.y.logarithmic { 14 } else { 6 }, false) {
+            let (_, y) = self.at(self.x.low, value);
             // On a logarithmic scale the upper ones come too close.
             if before - y < 18.0 {
                 continue;
@@ -48,32 +101,38 @@ impl Panel {
             out.push(text(self.left - 8.0, y + 4.0, label, Anchor::End, Ink::Muted));
         }
         let bottom = self.top + self.height;
-        for (value, label) in ticks(self.x, 8, whole) {
-            let (x, _) = self.at(value, self.y.0);
+        let mut before = f64::NEG_INFINITY;
+        for (value, label) in self.x.ticks(8, whole) {
+            let (x, _) = self.at(value, self.y.low);
+            if x - before < 40.0 {
+                continue;
+            }
+            before = x;
             out.push(Shape::Line { points: vec![(x, bottom), (x, bottom + 4.0)], ink: Ink::Muted, width: 1.0, dashed: false });
             out.push(text(x, bottom + 18.0, label, Anchor::Middle, Ink::Muted));
         }
         let points = vec![(self.left, bottom), (self.left + self.width, bottom)];
         out.push(Shape::Line { points, ink: Ink::Muted, width: 1.0, dashed: false });
-        let scale = if logarithmic { " (logarithmic)" } else { "" };
-        out.push(text(self.left, self.top - 10.0, format!("{up}{scale}"), Anchor::Start, Ink::Text));
-        out.push(text(self.left + self.width, bottom + 34.0, across.into(), Anchor::End, Ink::Muted));
+        out.push(text(self.left, self.top - 10.0, format!("{up}{}", self.y.note()), Anchor::Start, Ink::Text));
+        out.push(text(self.left + self.width, bottom + 34.0, format!("{across}{}", self.x.note()), Anchor::End, Ink::Muted));
         out
     }
 }
 
-/// A range that holds all values, with some room around them; `zero` lets it begin at 0.
-pub fn range(values: impl Iterator<Item = f64>, zero: bool) -> (f64, f64) {
-    let (low, high) = values.filter(|v| v.is_finite()).fold((f64::INFINITY, f64::NEG_INFINITY), |a, v| (a.0.min(v), a.1.max(v)));
-    if low > high {
-        return (0.0, 1.0);
-    }
-    let room = 0.08 * (high - low).max(1e-3 * high.abs()).max(1e-12);
-    (if zero { low.min(0.0) } else { low - room }, high + room)
+/// 1, 2 and 5 times the powers of ten within a range, as written; the powers alone where there are many.
+fn decades(low: f64, high: f64) -> Vec<(f64, String)> {
+    let factors: &[f64] = if high / low > 1e4 { &[1.0] } else { &[1.0, 2.0, 5.0] };
+    let written = |power: i32, v: f64| match power {
+        -6..6 => format!("{v:.0$}", power.min(0).unsigned_abs() as usize),
+        _ => format!("{v:.0e}"),
+    };
+    let powers = low.log10().floor() as i32..=high.log10().floor() as i32;
+    let all = powers.flat_map(|power| factors.iter().map(move |f| (power, f * 10f64.powi(power))));
+    all.filter(|(_, v)| (low..=high).contains(v)).map(|(power, v)| (v, written(power, v))).collect()
 }
 
 /// Round values within a range, about `count`, as written; `whole` ones only for numbers of frames.
-pub fn ticks((low, high): (f64, f64), count: usize, whole: bool) -> Vec<(f64, String)> {
+fn ticks((low, high): (f64, f64), count: usize, whole: bool) -> Vec<(f64, String)> {
     let rough = (high - low) / count as f64;
     if !(rough.is_finite() && rough > 0.0) {
         return vec![(low, number(low))];
@@ -204,10 +263,42 @@ mod tests {
 
     #[test]
     fn far_apart_values_are_drawn_by_ratio() {
-        let panel = |y: (f64, f64)| Panel { left: 0.0, top: 0.0, width: 100.0, height: 100.0, x: (0.0, 1.0), y };
-        assert!((panel((1.0, 100.0)).at(0.0, 10.0).1 - 50.0).abs() < 1e-9);
-        assert!((panel((1.0, 2.0)).at(0.0, 1.5).1 - 50.0).abs() < 1e-9);
-        assert!((panel((-1.0, 3.0)).at(0.0, 1.0).1 - 50.0).abs() < 1e-9, "below 0 there are no ratios");
+        let up = |values: &[f64], v: f64| {
+            let (x, y) = (Scale::between(0.0, 1.0), Scale::of(values.iter().copied()));
+            Panel { left: 0.0, top: 0.0, width: 100.0, height: 100.0, x, y }.at(0.0, v).1
+        };
+        // However far: room around them leads to no value below 0.
+        assert!((up(&[1.0, 4.0], 2.0) - 50.0).abs() < 1e-9 && (up(&[1e-4, 1.0], 1e-2) - 50.0).abs() < 1e-9);
+        assert!((up(&[1.0, 1.8], 1.4) - 50.0).abs() < 1e-9);
+        assert!((up(&[-1.0, 3.0], 1.0) - 50.0).abs() < 1e-9, "below 0 there are no ratios");
+        assert!((up(&[0.0, 3.0], 1.5) - 50.0).abs() < 1e-9 && (up(&[1e-300, 3.0], 1.5) - 50.0).abs() < 1e-9);
+        let times = Scale::of_ratios([1.0, 1.21].into_iter());
+        assert!((times.share(1.1) - 0.5).abs() < 1e-9 && times.note() == " (logarithmic)" && times.low > 0.9);
+    }
+
+    #[test]
+    fn ticks_by_ratio_are_round_in_every_decade() {
+        let texts = |low: f64, high: f64| decades(low, high).into_iter().map(|t| t.1).collect::<Vec<_>>();
+        assert_eq!(texts(0.06, 13.0), ["0.1", "0.2", "0.5", "1", "2", "5", "10"]);
+        assert_eq!(texts(0.0019, 0.025), ["0.002", "0.005", "0.01", "0.02"]);
+        assert_eq!(texts(1e-7, 0.5), ["1e-7", "0.000001", "0.00001", "0.0001", "0.001", "0.01", "0.1"]);
+        let panel = Panel {
+            left: 0.0,
+            top: 0.0,
+            width: 300.0,
+            height: 100.0,
+            x: Scale::of_ratios([0.06, 13.0].into_iter()),
+            y: Scale::between(0.0, 1.0),
+        };
+        let words: Vec<f64> = panel
+            .frame("seconds", "error", false)
+            .iter()
+            .filter_map(|s| match s {
+                Shape::Text { x, anchor: Anchor::Middle, .. } => Some(*x),
+                _ => None,
+            })
+            .collect();
+        assert!(words.len() >= 4 && words.windows(2).all(|w| w[1] - w[0] >= 40.0), "{words:?}");
     }
 
     #[test]
@@ -216,10 +307,13 @@ mod tests {
     }
 
     #[test]
-    fn ranges_have_room() {
-        assert_eq!(range([].into_iter(), false), (0.0, 1.0));
-        let (low, high) = range([1.0, 2.0, f64::NAN].into_iter(), false);
-        assert!(low < 1.0 && high > 2.0 && low > 0.8);
-        assert_eq!(range([1.0].into_iter(), true).0, 0.0);
+    fn scales_have_room() {
+        assert_eq!(Scale::of([].into_iter()), Scale::between(0.0, 1.0));
+        for values in [[1.0, 1.9, f64::NAN], [1.0, 2.1, f64::INFINITY]] {
+            let Scale { low, high, .. } = Scale::of(values.into_iter());
+            assert!(low < 1.0 && high > values[1] && low > 0.8 && high < 1.2 * values[1]);
+        }
+        let Scale { low, high, .. } = Scale::of_ratios([0.5].into_iter());
+        assert!(low < 0.5 && high > 0.5);
     }
 }

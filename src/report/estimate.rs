@@ -6,7 +6,8 @@
 //! what the light itself changed within k frames, and what sampling between pixels blurs; to keep that small the noisy light is
 //! carried without its albedo, and only pixels count whose way forth and back agrees and whose albedo, normal and depth stay
 //! the same. Those are the easier ones: the whole frame's error is higher. And what d lacks of r that a and b lack too, such as a
-//! reflection that moves otherwise than its surface, cannot be seen: the estimate is too low by it.
+//! reflection that moves otherwise than its surface, cannot be seen: the estimate is too low by it. It is relative to the brightness g of
+//! one result that was made without a and b, the same for every d that is compared: a firefly that d leaves must not be divided by itself.
 
 use ndarray::{Array2, Array3, ArrayView3};
 
@@ -39,7 +40,7 @@ pub struct Observed {
 /// A mean and how sure it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ErrorEstimate {
-    /// The relMSE over the trusted pixels, with the denoised in place of the true brightness below the line. It may be a little below 0.
+    /// The relMSE over the trusted pixels, with one result's brightness in place of the true one below the line. It may be a little below 0.
     pub relmse: f64,
     /// Its standard error.
     pub deviation: f64,
@@ -95,29 +96,30 @@ impl Observed {
         Ok(Self { before, after, trusted, gain })
     }
 
-    /// The error of a denoised frame that was made without the two frames that this was seen from.
-    pub fn estimate(&self, denoised: ArrayView3<f32>) -> ErrorEstimate {
+    /// The error of a denoised frame that was made without the two frames that this was seen from, relative to `brightness`, which was
+    /// as well.
+    pub fn estimate(&self, denoised: ArrayView3<f32>, brightness: ArrayView3<f32>) -> ErrorEstimate {
         let error = |y: usize, x: usize, c: usize| {
             let d = f64::from(denoised[[y, x, c]]);
             (d - f64::from(self.before[[y, x, c]])) * (d - f64::from(self.after[[y, x, c]]))
         };
-        self.mean(denoised, error)
+        self.mean(brightness, error)
     }
 
     /// The same error against a picture of the truth, on the same pixels.
-    pub fn measure(&self, denoised: ArrayView3<f32>, truth: ArrayView3<f32>) -> f64 {
-        self.mean(denoised, |y, x, c| (f64::from(denoised[[y, x, c]]) - f64::from(truth[[y, x, c]])).powi(2)).relmse
+    pub fn measure(&self, denoised: ArrayView3<f32>, truth: ArrayView3<f32>, brightness: ArrayView3<f32>) -> f64 {
+        self.mean(brightness, |y, x, c| (f64::from(denoised[[y, x, c]]) - f64::from(truth[[y, x, c]])).powi(2)).relmse
     }
 
-    fn mean(&self, denoised: ArrayView3<f32>, error: impl Fn(usize, usize, usize) -> f64) -> ErrorEstimate {
+    fn mean(&self, brightness: ArrayView3<f32>, error: impl Fn(usize, usize, usize) -> f64) -> ErrorEstimate {
         let (rows, columns) = self.trusted.dim();
         let across = columns.div_ceil(BLOCK);
         let mut blocks = vec![(0.0, 0.0); across * rows.div_ceil(BLOCK)];
         for ((y, x), _) in self.trusted.indexed_iter().filter(|(_, t)| **t) {
             let block = &mut blocks[y / BLOCK * across + x / BLOCK];
             for c in 0..3 {
-                let d = f64::from(denoised[[y, x, c]]) * self.gain;
-                let e = error(y, x, c) * self.gain * self.gain / (d * d + relmse::EPSILON);
+                let g = f64::from(brightness[[y, x, c]]) * self.gain;
+                let e = error(y, x, c) * self.gain * self.gain / (g * g + relmse::EPSILON);
                 if e.is_finite() {
                     *block = (block.0 + e, block.1 + 1.0);
                 }
@@ -256,7 +258,8 @@ mod tests {
             let mut misses = Vec::new();
             for seed in 0..12 {
                 let seen = observed(k, 1000 * seed + 7);
-                let (found, expected) = (seen.estimate(wrong.view()), seen.measure(wrong.view(), clean.view()));
+                let g = wrong.view();
+                let (found, expected) = (seen.estimate(wrong.view(), g), seen.measure(wrong.view(), clean.view(), g));
                 assert!(found.share > 0.7 && found.deviation > 0.0, "{found:?}");
                 misses.push((found.relmse - expected) / found.deviation);
             }
@@ -269,8 +272,21 @@ mod tests {
     fn the_noisy_frame_itself_has_its_variance() {
         let seen = observed(1, 3);
         let noisy = frame(1, 999);
-        let (found, expected) = (seen.estimate(noisy.colour.view()), seen.measure(noisy.colour.view(), truth(1).0.view()));
+        let (clean, noisy) = (truth(1).0, noisy.colour.view());
+        let (found, expected) = (seen.estimate(noisy, clean.view()), seen.measure(noisy, clean.view(), clean.view()));
         assert!((found.relmse / expected - 1.0).abs() < 0.1, "{found:?} {expected}");
+    }
+
+    #[test]
+    fn a_firefly_that_is_left_is_not_divided_by_itself() {
+        let (seen, (clean, _)) = (observed(1, 3), truth(1));
+        let mut left = clean.clone();
+        let ((y, x), _) = seen.trusted.indexed_iter().find(|(_, trusted)| **trusted).unwrap();
+        left.slice_mut(ndarray::s![y, x, ..]).fill(1000.0);
+        let counted = 3.0 * seen.trusted.iter().filter(|t| **t).count() as f64;
+        let found = seen.estimate(left.view(), clean.view());
+        // Divided by itself it would count as 1.
+        assert!(found.relmse * counted > 1e5, "{found:?}");
     }
 
     #[test]
@@ -278,7 +294,7 @@ mod tests {
         let frames = |change: &dyn Fn(&mut [Frame])| {
             let mut frames: Vec<Frame> = (0..3).map(|t| frame(t, 5)).collect();
             change(&mut frames);
-            Observed::new(&frames).map(|o| o.estimate(frames[1].colour.view()))
+            Observed::new(&frames).map(|o| o.estimate(frames[1].colour.view(), frames[1].colour.view()))
         };
         assert_eq!(frames(&|f| f[1].vector = None).err(), Some(Unseen::NoMotion));
         assert_eq!(frames(&|f| f[0].vector.as_mut().unwrap().fill(9.0)).err(), Some(Unseen::Lost));

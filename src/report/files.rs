@@ -1,7 +1,7 @@
 //! A report's files: the page, its numbers as CSV and JSON, its plots as SVG and PNG. The page comes last.
 
 use std::fs;
-use std::io::Write as _;
+use std::io::{ErrorKind, Write as _};
 use std::path::Path;
 
 use super::measure::Measured;
@@ -23,15 +23,17 @@ const SCALE: f32 = 2.0;
 /// Makes sure before anything is measured that a report can be written to a folder, which is created if need be.
 ///
 /// # Errors
-/// It cannot be made or written to, or holds a page that is no report of ours.
+/// It cannot be made or written to, or holds a page that is no report of ours, or cannot be read.
 pub fn prepare(folder: &Path) -> Result<()> {
     fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     let page = folder.join(PAGE);
-    match fs::read_to_string(&page) {
-        Ok(text) if !text.contains(MARK) => {
+    match fs::read(&page) {
+        // Bytes, as a page of others may be in any encoding.
+        Ok(bytes) if !bytes.windows(MARK.len()).any(|part| part == MARK.as_bytes()) => {
             let reason = "is there already and was not written by hush report: choose another output folder".into();
             return Err(Error::BadInput { input: page.display().to_string(), reason });
         }
+        Err(error) if error.kind() != ErrorKind::NotFound => return Err(Error::io(&page, error)),
         _ => {}
     }
     let probe = folder.join(".hush-report");
@@ -135,6 +137,8 @@ mod tests {
         assert_eq!(fs::read_dir(&out).unwrap().count(), 0, "nothing is left behind");
         fs::write(out.join(PAGE), "someone's own page").unwrap();
         assert!(prepare(&out).unwrap_err().to_string().contains("not written by hush report"));
+        fs::write(out.join(PAGE), b"<html><p>caf\xe9").unwrap();
+        assert!(prepare(&out).unwrap_err().to_string().contains("not written by hush report"), "in Latin-1");
         fs::write(out.join(PAGE), format!("<html>{MARK}")).unwrap();
         prepare(&out).unwrap();
         fs::write(folder.path().join("file"), "").unwrap();

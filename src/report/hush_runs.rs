@@ -30,12 +30,14 @@ pub struct HushRuns<'a> {
     encoded: BTreeMap<i64, EncodedFrame>,
     /// After their first pass, for the second one of those around.
     made: BTreeMap<i64, FirstPass>,
+    /// Frames that could not be read, and why.
+    pub bad: BTreeMap<i64, String>,
 }
 
 impl<'a> HushRuns<'a> {
     /// For the frames of a shot.
     pub fn new(scope: &'a Scope, engine: &'a Engine) -> Self {
-        Self { scope, engine, encoded: BTreeMap::new(), made: BTreeMap::new() }
+        Self { scope, engine, encoded: BTreeMap::new(), made: BTreeMap::new(), bad: BTreeMap::new() }
     }
 
     /// Encodes a frame and those around it that are not there yet, and lets go of all others. One that cannot be read does not help.
@@ -47,10 +49,12 @@ impl<'a> HushRuns<'a> {
         self.encoded.retain(|n, _| all.contains(n));
         self.made.retain(|n, _| all.contains(n));
         for n in all {
-            if !self.encoded.contains_key(&n)
-                && let Ok(frame) = read(n)
-            {
-                self.encoded.insert(n, self.engine.encode(frame)?);
+            if self.encoded.contains_key(&n) || self.bad.contains_key(&n) {
+                continue;
+            }
+            match read(n) {
+                Ok(frame) => _ = self.encoded.insert(n, self.engine.encode(frame)?),
+                Err(error) => _ = self.bad.insert(n, error.to_string()),
             }
         }
         Ok(())

@@ -10,11 +10,12 @@ use super::estimate::{ErrorEstimate, Observed, Unseen};
 use super::record::{Basis, ERRORS, EstimateCheck, EstimateNote};
 use crate::error::{Error, Result};
 use crate::frame::Frame;
-use crate::metrics::images::read;
-use crate::metrics::pair::REFERENCE_MEAN;
-use crate::metrics::{ImageChoice, Pair, Scaling, flicker, relmse, smape};
+use crate::metrics::images::{FilePasses, read};
+use crate::metrics::pair::{REFERENCE_MEAN, has_finite_pixel};
+use crate::metrics::{ImageChoice, Pair, Scaling, denoised_references, flicker, relmse, smape};
 use crate::rules::window::MAX_WINDOW;
 use crate::shot::Scope;
+use crate::words;
 
 /// The farthest frame that an estimate looks at: one behind the widest window.
 pub const REACH: usize = MAX_WINDOW + 1;
@@ -49,10 +50,13 @@ pub struct Judge<'a> {
     distance: Option<usize>,
     /// The frames on each side that each candidate's results depend on.
     reaches: Vec<usize>,
+    /// The candidate whose pictures all estimates are relative to.
+    brightness: Option<usize>,
     current: Option<Current>,
     previous: Option<Current>,
     seen: Vec<Estimates>,
     unseen: Option<Unseen>,
+    denoised_references: Vec<i64>,
 }
 
 impl<'a> Judge<'a> {
@@ -69,8 +73,22 @@ impl<'a> Judge<'a> {
         let reached = |k: usize| frames.iter().filter(|n| scope.around(**n, k).len() == 2 * k).count();
         // One frame alone says little: rather two judged from nearer by, and the widest windows not at all.
         let distance = [2, 1].into_iter().find_map(|least| (1..=farthest).rev().find(|k| reached(*k) >= least));
-        let seen = vec![Estimates::default(); candidates.len()];
-        Self { scope, references, images, distance, reaches, current: None, previous: None, seen, unseen: None }
+        // The widest window that looks at neither of the frames that an estimate is made from.
+        let windows = (0..candidates.len()).filter(|i| candidates[*i].kind == CandidateKind::Window);
+        let brightness = windows.filter(|i| distance.is_some_and(|k| reaches[*i] < k)).max_by_key(|i| reaches[*i]);
+        Self {
+            scope,
+            references,
+            images,
+            distance,
+            brightness,
+            seen: vec![Estimates::default(); candidates.len()],
+            reaches,
+            current: None,
+            previous: None,
+            unseen: None,
+            denoised_references: Vec::new(),
+        }
     }
 
     /// What the errors mean.
@@ -86,20 +104,24 @@ impl<'a> Judge<'a> {
     /// Begins with a frame.
     ///
     /// # Errors
-    /// Its reference cannot be read or has another size.
+    /// Its reference cannot be read, has another size, or no finite pixel.
     pub fn open(&mut self, number: i64, frame: &Frame) -> Result<()> {
         self.previous = self.current.take().filter(|c| c.number + 1 == number);
         let mut reference = None;
         if let Some(path) = self.references.as_ref().and_then(|r| r.get(&number)) {
-            let colour = read(path, false, &self.images)?.colour;
+            let FilePasses { colour, denoised, .. } = read(path, false, &self.images)?;
             let ((rows, columns), (found_rows, found_columns, _)) = (frame.size(), colour.dim());
             if (rows, columns) != (found_rows, found_columns) {
                 let what = path.display().to_string();
                 return Err(Error::SizeMismatch { what, columns, rows, found_columns, found_rows });
             }
+            if !has_finite_pixel(colour.view()) {
+                return Err(Error::bad_file(path, "holds no finite pixel: render it again"));
+            }
+            self.denoised_references.extend(denoised.then_some(number));
             reference = Some(colour);
         }
-        let observed = self.look(number).map_err(|why| self.unseen = self.unseen.or(why)).ok();
+        let observed = self.look(number, frame).map_err(|why| self.unseen = self.unseen.or(why)).ok();
         let sum: f64 = frame.colour.iter().filter(|v| v.is_finite()).map(|v| f64::from(v.max(0.0))).sum();
         let gain = (REFERENCE_MEAN / (sum / frame.colour.len() as f64).max(1e-6)) as f32;
         let vector = frame.vector.clone();
@@ -108,16 +130,20 @@ impl<'a> Judge<'a> {
     }
 
     /// The frame seen from the noisy frames around it.
-    fn look(&self, number: i64) -> Result<Observed, Option<Unseen>> {
-        let k = self.distance.ok_or(Some(Unseen::NoMotion))? as i64;
+    fn look(&self, number: i64, centre: &Frame) -> Result<Observed, Option<Unseen>> {
+        let k = self.distance.ok_or_else(|| (!self.scope.has_vectors()).then_some(Unseen::NoMotion))? as i64;
         if self.scope.around(number, k as usize).len() as i64 != 2 * k {
             return Err(None);
         }
         let mut frames = Vec::new();
         for n in number - k..=number + k {
+            if n == number {
+                frames.push(centre.clone());
+                continue;
+            }
             let read = self.scope.read(n).ok().and_then(|views| views.into_iter().next());
             let mut frame = read.ok_or(None)?;
-            if (1..k).contains(&(n - number).abs()) {
+            if (n - number).abs() < k {
                 // Only the way leads through it.
                 (frame.albedo, frame.normal, frame.depth) = (None, None, None);
             }
@@ -129,6 +155,7 @@ impl<'a> Judge<'a> {
     /// The errors of every candidate's picture.
     pub fn judge(&mut self, outputs: &[Option<Array3<f32>>]) -> Result<Vec<Verdict>> {
         let Some(current) = &self.current else { return Ok(Vec::new()) };
+        let brightness = self.brightness.and_then(|i| Some(outputs.get(i)?.as_ref()?.view()));
         let mut verdicts = Vec::with_capacity(outputs.len());
         for (i, output) in outputs.iter().enumerate() {
             let Some(output) = output else {
@@ -136,12 +163,13 @@ impl<'a> Judge<'a> {
                 continue;
             };
             let near = self.distance.is_some_and(|k| self.reaches[i] < k);
-            let estimate = current.observed.as_ref().filter(|_| near).map(|o| o.estimate(output.view()));
-            if let (Some(estimate), Some(observed)) = (estimate, &current.observed) {
+            let seen_beside = current.observed.as_ref().zip(brightness).filter(|_| near);
+            let estimate = seen_beside.map(|(observed, brightness)| observed.estimate(output.view(), brightness));
+            if let (Some(estimate), Some((observed, brightness))) = (estimate, seen_beside) {
                 let seen = &mut self.seen[i];
                 seen.estimates.push(estimate);
                 if let Some(reference) = &current.reference {
-                    seen.measured.push(observed.measure(output.view(), reference.view()));
+                    seen.measured.push(observed.measure(output.view(), reference.view(), brightness));
                 }
             }
             let before = self.previous.as_ref().and_then(|p| Some((p, p.outputs.get(i)?.as_ref()?)));
@@ -182,6 +210,9 @@ impl<'a> Judge<'a> {
             deviation: estimated().map(|(_, s)| deviation(s)).fold(0.0, f64::max),
         });
         let mut remarks = Vec::new();
+        if !self.denoised_references.is_empty() {
+            remarks.push(denoised_references(words::frames(&self.denoised_references)));
+        }
         if self.basis() == Basis::Estimate {
             let why = match self.unseen {
                 _ if note.is_some() => None,
@@ -194,8 +225,13 @@ impl<'a> Judge<'a> {
             let unjudged = candidates.iter().zip(&self.reaches).filter(|(_, reach)| self.distance.is_some_and(|k| **reach >= k));
             let (second, wide): (Vec<_>, Vec<_>) = unjudged.partition(|(c, _)| c.kind == CandidateKind::SecondPass);
             if note.is_some() {
-                remarks.extend(wide.iter().map(|(_, reach)| **reach).max().map(|wide| {
-                    format!("Window {wide} has no estimate: the shot is too short to leave frames outside it to judge by.")
+                let reaches = || wide.iter().map(|(_, reach)| **reach);
+                remarks.extend(reaches().min().zip(reaches().max()).map(|(least, most)| {
+                    let which = match least == most {
+                        true => format!("Window {most} has no estimate"),
+                        false => format!("Windows {least} to {most}, and the settings that use them, have no estimate"),
+                    };
+                    format!("{which}: the shot is too short to leave frames outside to judge by.")
                 }));
                 let why = "The second pass has no estimate: it looks at the frames by which the others are judged.";
                 remarks.extend(second.first().map(|_| why.into()));

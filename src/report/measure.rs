@@ -19,6 +19,7 @@ use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::io::sequence::Sequence;
 use crate::metrics::ImageChoice;
+use crate::rules::checks::WarningKind;
 use crate::shot::{CancelToken, Scope};
 use crate::words;
 
@@ -79,6 +80,9 @@ pub fn measure(
     if !scope.has_vectors() {
         remarks.push("There is no Vector pass in every frame, so neighbours cannot help and all windows are 0.".into());
     }
+    // What makes the shot a poor one to measure, such as guides that Hush and its peer do without.
+    let odd = scope.warnings().into_iter().filter(|w| w.kind != WarningKind::NoVector);
+    remarks.extend(odd.map(|w| sentence(&w.message)));
     let scratch = tempfile::Builder::new().prefix("hush-report-").tempdir().map_err(|e| Error::io(std::env::temp_dir(), e))?;
     let images = ImageChoice { layer: options.layer.clone(), view: options.view.clone(), ..Default::default() };
     let judge = Judge::new(scope, references, images, &frames, &candidates);
@@ -91,7 +95,7 @@ pub fn measure(
         tallies: candidates.iter().map(|_| CandidateTally::default()).collect(),
         candidates,
         hush: HushRuns::new(scope, engine),
-        failed: BTreeMap::new(),
+        failed: scope.bad.clone(),
         encode: Vec::new(),
         crops: Crops::default(),
         judge,
@@ -102,15 +106,16 @@ pub fn measure(
         steps: 0,
     };
     let mut machine = Machine::new(engine.isa(), engine.threads());
-    let all = frames.len() * run.repeats * run.candidates.len();
+    let (all, mut left) = (frames.len() * run.repeats * run.candidates.len(), frames.len());
     for &number in &frames {
         match run.frame(number, &|done| progress(done, all)) {
             Ok(()) => run.measured.push(number),
             Err(error @ (Error::Cancelled | Error::SizeMismatch { .. } | Error::BadSetting { .. })) => return Err(error),
             Err(_) if cancel.is_cancelled() => return Err(Error::Cancelled),
-            Err(error) if frames.len() == run.failed.len() + 1 => return Err(error),
+            Err(error) if left == 1 && run.measured.is_empty() => return Err(error),
             Err(error) => _ = run.failed.insert(number, error.to_string()),
         }
+        left -= 1;
     }
     machine.finish();
     Ok(run.finish(machine, options, of_frames))
@@ -183,7 +188,7 @@ impl Measurement<'_> {
         self.judge.open(number, &frame)?;
         self.size = frame.size();
         let (scope, cancel) = (self.scope, self.cancel);
-        self.hush.take_in(number, reach, |n| read(scope, cancel, n))?;
+        self.hush.take_in(number, reach, |n| if n == number { Ok(frame.clone()) } else { read(scope, cancel, n) })?;
         let outputs = self.time(number, &frame, progress)?;
         let verdicts = self.judge.judge(&outputs)?;
         for (tally, Verdict { errors }) in self.tallies.iter_mut().zip(verdicts) {
@@ -251,7 +256,9 @@ impl Measurement<'_> {
                 Ok(Some((run.seconds, run.colour)))
             }
             Err(_) if self.cancel.is_cancelled() => Err(Error::Cancelled),
-            Err(error) if *named => Err(Error::BadSetting { name: "oidn", reason: error.to_string() }),
+            Err(error) if *named => {
+                Err(Error::BadSetting { name: "oidn", reason: format!("{error}: --no-oidn does without it") })
+            }
             Err(error) => {
                 self.remarks.push(format!("OIDN is left out: {error}."));
                 self.oidn = None;
@@ -301,6 +308,9 @@ impl Measurement<'_> {
         }
         let (estimate, checks, more) = self.judge.finish(&self.candidates);
         self.remarks.extend(more);
+        for (number, why) in std::mem::take(&mut self.hush.bad) {
+            self.failed.entry(number).or_insert(why);
+        }
         let report = Report {
             hush: env!("CARGO_PKG_VERSION"),
             sequence: self.scope.name.clone(),
@@ -330,6 +340,13 @@ fn read(scope: &Scope, cancel: &CancelToken, number: i64) -> Result<Frame> {
     }
     let first = scope.read(number)?.into_iter().next();
     first.ok_or_else(|| Error::BadInput { input: format!("frame {number}"), reason: "holds no image".into() })
+}
+
+/// A message as one of several sentences.
+fn sentence(message: &str) -> String {
+    let mut letters = message.chars();
+    let first = letters.next().map(|c| c.to_uppercase().to_string()).unwrap_or_default();
+    format!("{first}{}.", letters.as_str())
 }
 
 /// Adds to a list's element, which may be its next one.

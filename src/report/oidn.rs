@@ -12,9 +12,10 @@ use super::machine::peak_of;
 use super::pfm;
 use crate::error::{Error, Result};
 use crate::frame::Frame;
+use crate::metrics::pair::has_finite_pixel;
 
-/// The tool's name.
-const TOOL: &str = "oidnDenoise";
+/// The tool's file name.
+const TOOL: &str = if cfg!(windows) { "oidnDenoise.exe" } else { "oidnDenoise" };
 /// How often the running tool is looked at.
 const POLL: Duration = Duration::from_millis(10);
 /// Prints the folder of the tool that the Python package brings along.
@@ -102,6 +103,9 @@ impl Oidn {
         if colour.dim() != frame.colour.dim() {
             return Err(self.failed("gave an image of another size"));
         }
+        if !has_finite_pixel(colour.view()) {
+            return Err(self.failed("gave an image without a finite pixel"));
+        }
         Ok(OidnRun { colour, seconds: before + found.seconds, version: found.version, peak: peak.max(found.peak) })
     }
 
@@ -155,7 +159,7 @@ impl Oidn {
     }
 
     fn failed(&self, reason: impl Into<String>) -> Error {
-        Error::bad_file(&self.program, format!("{}: set oidn to false to do without", reason.into()))
+        Error::bad_file(&self.program, reason)
     }
 }
 
@@ -202,7 +206,7 @@ mod tests {
         assert!(Oidn::find(Some(folder.path())).unwrap_err().to_string().contains("oidnDenoise"));
         std::fs::create_dir(folder.path().join("bin")).unwrap();
         std::fs::create_dir(folder.path().join("lib")).unwrap();
-        std::fs::write(folder.path().join("bin/oidnDenoise"), "").unwrap();
+        std::fs::write(folder.path().join("bin").join(TOOL), "").unwrap();
         let found = Oidn::find(Some(folder.path())).unwrap().unwrap();
         assert!(found.libraries.is_some_and(|l| l.ends_with("lib")));
     }

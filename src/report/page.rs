@@ -20,7 +20,7 @@ use crate::words::counted;
 pub const MARK: &str = "<meta name=\"generator\" content=\"hush report\">";
 /// What the estimate was found to be worth where references tell; `estimate_on_the_sample_shot` in `tests/report.rs` measures it again.
 const SAMPLE_CHECK: &str = "On Hush's sample shot (two frames in its middle, 12 samples a pixel), where there are good references, the estimates \
-    of six settings were too low by 0.0073 to 0.0090, at errors from 0.008 to 0.016: they see noise and blur, and not what the frames before \
+    of six settings were too low by 0.0071 to 0.0077, at errors from 0.008 to 0.015: they see noise and blur, and not what the frames before \
     and after lack, too, such as reflections that move otherwise than their surfaces. So compare settings by it, and do not quote it.";
 
 /// The whole page.
@@ -77,11 +77,11 @@ fn facts(report: &Report) -> String {
     });
     parts.push(if report.repeats == 1 { "timed once".into() } else { format!("timed {} times", report.repeats) });
     parts.push(match &m.processor {
-        Some(name) => format!("{name}, {}, {} threads", m.instructions, m.threads),
-        None => format!("{}, {} threads", m.instructions, m.threads),
+        Some(name) => format!("{name}, {}, {}", m.instructions, counted(m.threads, "thread")),
+        None => format!("{}, {}", m.instructions, counted(m.threads, "thread")),
     });
     if let (Some(before), Some(after)) = (m.load_before, m.load_after) {
-        parts.push(format!("load {before:.1} before, {after:.1} after on {} cores", m.cores));
+        parts.push(format!("load {before:.1} before, {after:.1} after on {}", counted(m.cores, "core")));
     }
     parts.push(format!("{}, Hush {}", m.system, report.hush));
     parts.join(" · ")
@@ -268,9 +268,9 @@ fn method(report: &Report) -> Markup {
         }
         @if report.rows_by_setting.iter().any(|r| r.candidate.kind == CandidateKind::Oidn) {
             p {
-                "OIDN ran as Cycles runs it by default: at quality high, with albedo and normal where the frames have them, each of \
-                 them filtered by itself first. Its time is its filters', these two included. " em { "raw" } " takes the guides as \
-                 they were rendered, " em { "fast" } " too, at quality fast. Times are by OIDN's own clock, of the second run in a row \
+                "OIDN ran on the CPU, though it can on a GPU as well, with the settings that Cycles has by default: at quality high, with \
+                 albedo and normal where the frames have them, each of them filtered by itself first. Its time is its filters', these \
+                 two included. " em { "raw" } " takes the guides as they were rendered, " em { "fast" } " too, at quality fast. Times are by OIDN's own clock, of the second run in a row \
                  of each filter, with as many threads; starting it and its files are not in them."
             }
         }

@@ -1,15 +1,18 @@
 //! The three pictures of a report: error against time, error by frame, where the time goes.
 
-use super::axes::{Label, Panel, SMALL, number, place, range, stack};
+use super::axes::{Label, Panel, SMALL, Scale, number, place, stack};
 use super::candidates::{Candidate, CandidateKind, Method, OidnMode};
 use super::record::{Basis, ERRORS, Report, SettingRow};
 use crate::engine::STAGES;
 use crate::picture::drawing::{Anchor, Drawing, Group, Ink, Shape};
 use crate::picture::raster::text_width;
+use crate::words::counted;
 
 /// Everything is drawn this wide.
 const WIDTH: f64 = 900.0;
 const LEFT: f64 = 70.0;
+/// What the title and the lines under it take.
+const HEAD: f64 = 82.0;
 /// The inks of stages.
 const STAGE_INKS: [usize; STAGES.len()] = [0, 5, 7, 1, 8, 10, 11, 4];
 
@@ -33,18 +36,25 @@ pub fn ink(candidate: &Candidate) -> Ink {
 
 /// What a drawing is about, under its title.
 fn heading(report: &Report, title: &str, more: &str) -> Vec<Shape> {
-    let frames = report.frames.len();
-    let what = format!(
-        "{}, {}×{}, {frames} frame{} × {} repeat{}. {more}",
-        report.sequence,
-        report.columns,
-        report.rows,
-        if frames == 1 { "" } else { "s" },
-        report.repeats,
-        if report.repeats == 1 { "" } else { "s" }
-    );
+    let (frames, repeats) = (counted(report.frames.len(), "frame"), counted(report.repeats, "repeat"));
+    let size = format!(", {}×{}, {frames} × {repeats}.", report.columns, report.rows);
+    let what = shortened(&report.sequence, WIDTH - 40.0 - text_width(&size, SMALL)) + &size;
     let text = |y: f64, size: f64, text: String, ink: Ink| Shape::Text { x: 20.0, y, text, size, anchor: Anchor::Start, ink };
-    vec![text(26.0, 17.0, title.into(), Ink::Text), text(46.0, SMALL, what, Ink::Muted)]
+    let lines = [(46.0, what), (62.0, more.into())].map(|(y, line)| text(y, SMALL, line, Ink::Muted));
+    [text(26.0, 17.0, title.into(), Ink::Text)].into_iter().chain(lines).collect()
+}
+
+/// A text, or as much of its beginning as is no wider than this.
+fn shortened(text: &str, width: f64) -> String {
+    if text_width(text, SMALL) <= width {
+        return text.into();
+    }
+    let mut kept: Vec<char> = text.chars().collect();
+    let with_dots = |kept: &[char]| kept.iter().chain(&['…']).collect::<String>();
+    while !kept.is_empty() && text_width(&with_dots(&kept), SMALL) > width {
+        kept.pop();
+    }
+    with_dots(&kept)
 }
 
 /// The errors that there is anything to show of.
@@ -71,13 +81,14 @@ pub fn error_against_time(report: &Report) -> Drawing {
     let spread =
         if report.basis == Basis::Estimate { "Error: estimated mean. " } else { "Error: median and quartiles over the frames. " };
     let about = format!("{spread}Time: median, least and greatest of the repeats.");
-    let mut drawing = Drawing::new(WIDTH, 66.0 + (height + 70.0) * panels.len().max(1) as f64, "Error against time a frame");
+    let mut drawing = Drawing::new(WIDTH, HEAD + (height + 70.0) * panels.len().max(1) as f64, "Error against time a frame");
     drawing.add(heading(report, "Error against time: lower and further left is better", &about));
     let times = report.rows_by_setting.iter().filter_map(|r| r.seconds);
-    let x = range(times.flat_map(|s| [s.low, s.high]), true);
+    // OIDN with clean guides takes ten times as long as Hush.
+    let x = Scale::of_ratios(times.flat_map(|s| [s.low, s.high]));
     if panels.is_empty() {
         let text = "There is no error to show; the table has the times.".to_string();
-        drawing.add([Shape::Text { x: 20.0, y: 90.0, text, size: SMALL, anchor: Anchor::Start, ink: Ink::Muted }]);
+        drawing.add([Shape::Text { x: 20.0, y: HEAD + 24.0, text, size: SMALL, anchor: Anchor::Start, ink: Ink::Muted }]);
     }
     for (n, (e, title)) in panels.into_iter().enumerate() {
         let bars = report.basis == Basis::Reference || e != 1;
@@ -88,8 +99,8 @@ pub fn error_against_time(report: &Report) -> Drawing {
         let rows: Vec<(usize, &SettingRow)> =
             report.rows_by_setting.iter().enumerate().filter(|(_, r)| of(r).is_some()).collect();
         let values = rows.iter().filter_map(|(_, r)| of(r)).flat_map(|(_, s, v)| if bars { [s.low, s.high] } else { [v, v] });
-        let top = 96.0 + (height + 70.0) * n as f64;
-        let panel = Panel { left: LEFT, top, width: WIDTH - LEFT - 30.0, height, x, y: range(values, false) };
+        let top = HEAD + 30.0 + (height + 70.0) * n as f64;
+        let panel = Panel { left: LEFT, top, width: WIDTH - LEFT - 30.0, height, x, y: Scale::of(values) };
         drawing.add(panel.frame("seconds a frame", title, false));
         drawing.add(front(report, e, &panel));
         let spots: Vec<(f64, f64)> = rows.iter().filter_map(|(_, r)| of(r).map(|(t, _, v)| panel.at(t.median, v))).collect();
@@ -128,14 +139,14 @@ fn front(report: &Report, e: usize, panel: &Panel) -> Vec<Shape> {
     let mut points: Vec<(f64, f64)> = on.filter_map(|r| r.point(e, report.basis)).collect();
     points.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (Some(first), Some(last)) = (points.first().copied(), points.last().copied()) else { return Vec::new() };
-    let mut steps = vec![panel.at(first.0, panel.y.1)];
+    let mut steps = vec![panel.at(first.0, panel.y.high)];
     for (i, p) in points.iter().enumerate() {
         if i > 0 {
             steps.push(panel.at(p.0, points[i - 1].1));
         }
         steps.push(panel.at(p.0, p.1));
     }
-    steps.push(panel.at(panel.x.1, last.1));
+    steps.push(panel.at(panel.x.high, last.1));
     let (x, y) = (panel.left + panel.width, panel.top - 10.0);
     let text = "Pareto front: nothing is both faster and better".to_string();
     vec![
@@ -154,7 +165,7 @@ fn front(report: &Report, e: usize, panel: &Panel) -> Vec<Shape> {
 pub fn by_frame(report: &Report) -> Drawing {
     let panels = shown(report);
     let height = 210.0;
-    let mut drawing = Drawing::new(WIDTH, 66.0 + (height + 70.0) * panels.len().max(1) as f64, "Error by frame");
+    let mut drawing = Drawing::new(WIDTH, HEAD + (height + 70.0) * panels.len().max(1) as f64, "Error by frame");
     drawing.add(heading(report, "Error by frame", "Noisy and no skipping are left out."));
     let frames = report.frames.iter().map(|f| *f as f64);
     let (low, high) = frames.fold((f64::INFINITY, f64::NEG_INFINITY), |a, f| (a.0.min(f), a.1.max(f)));
@@ -162,9 +173,9 @@ pub fn by_frame(report: &Report) -> Drawing {
         let drawn = |row: &SettingRow| !matches!(row.candidate.kind, CandidateKind::Noisy | CandidateKind::Skipping);
         let rows: Vec<(usize, &SettingRow)> = report.rows_by_setting.iter().enumerate().filter(|(_, r)| drawn(r)).collect();
         let values = rows.iter().flat_map(|(_, r)| r.by_frame.iter().filter_map(|f| f.errors[e]));
-        let top = 96.0 + (height + 70.0) * n as f64;
-        let x = if high > low { (low, high) } else { (low - 1.0, low + 1.0) };
-        let panel = Panel { left: LEFT, top, width: WIDTH - LEFT - 130.0, height, x, y: range(values, false) };
+        let top = HEAD + 30.0 + (height + 70.0) * n as f64;
+        let x = if high > low { Scale::between(low, high) } else { Scale::between(low - 1.0, low + 1.0) };
+        let panel = Panel { left: LEFT, top, width: WIDTH - LEFT - 130.0, height, x, y: Scale::of(values) };
         drawing.add(panel.frame("frame", title, true));
         let points = |row: &SettingRow| -> Vec<(f64, f64)> {
             row.by_frame.iter().filter_map(|f| Some(panel.at(f.frame as f64, f.errors[e]?))).collect()
@@ -191,15 +202,15 @@ pub fn by_frame(report: &Report) -> Drawing {
 /// Seconds a frame by stage, a bar a candidate of Hush.
 pub fn by_stage(report: &Report) -> Drawing {
     let rows: Vec<(usize, &SettingRow)> = report.rows_by_setting.iter().enumerate().filter(|(_, r)| r.stages.is_some()).collect();
-    let mut drawing = Drawing::new(WIDTH, 120.0 + 30.0 * rows.len() as f64, "Seconds a frame in each stage");
+    let mut drawing = Drawing::new(WIDTH, HEAD + 54.0 + 30.0 * rows.len() as f64, "Seconds a frame in each stage");
     drawing.add(heading(report, "Where the time goes", "Mean seconds a frame."));
     let mut x = 20.0;
     for (stage, ink) in STAGES.into_iter().zip(STAGE_INKS) {
         let text = stage.name().to_string();
         let width = text_width(&text, SMALL);
         drawing.add([
-            Shape::Bar { x, y: 61.0, width: 12.0, height: 12.0, ink: Ink::Series(ink) },
-            Shape::Text { x: x + 17.0, y: 71.5, text, size: SMALL, anchor: Anchor::Start, ink: Ink::Text },
+            Shape::Bar { x, y: HEAD - 5.0, width: 12.0, height: 12.0, ink: Ink::Series(ink) },
+            Shape::Text { x: x + 17.0, y: HEAD + 5.5, text, size: SMALL, anchor: Anchor::Start, ink: Ink::Text },
         ]);
         x += width + 40.0;
     }
@@ -207,7 +218,7 @@ pub fn by_stage(report: &Report) -> Drawing {
     let most = rows.iter().map(|(_, r)| total(r)).fold(1e-12, f64::max);
     let (left, full) = (120.0, WIDTH - 120.0 - 90.0);
     for (n, (i, row)) in rows.into_iter().enumerate() {
-        let y = 92.0 + 30.0 * n as f64;
+        let y = HEAD + 26.0 + 30.0 * n as f64;
         let text =
             |x: f64, text: String, anchor: Anchor, ink: Ink| Shape::Text { x, y: y + 15.0, text, size: SMALL, anchor, ink };
         let mut shapes = vec![text(left - 10.0, row.candidate.name.clone(), Anchor::End, Ink::Text)];
@@ -222,4 +233,18 @@ pub fn by_stage(report: &Report) -> Drawing {
         drawing.groups.push(Group { row: Some(i), title: Some(format!("{}: {}", row.candidate.name, parts.join(", "))), shapes });
     }
     drawing
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_name_keeps_its_beginning_and_fits() {
+        assert_eq!(shortened("frame_####.exr", 200.0), "frame_####.exr");
+        let name = "sh0100_lighting_v003_".repeat(12);
+        let short = shortened(&name, 200.0);
+        assert!(short.starts_with("sh0100_lighting_") && short.ends_with('…') && text_width(&short, SMALL) <= 200.0, "{short}");
+        assert_eq!(shortened("name", 0.0), "…");
+    }
 }

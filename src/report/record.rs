@@ -47,7 +47,7 @@ pub struct Report {
     pub rows: usize,
     /// The frames measured, ascending.
     pub frames: Vec<i64>,
-    /// How many the shot has, or `--frames` named.
+    /// How many the shot has, or `--frames` named, that can be read and have a reference where there are any.
     pub of_frames: usize,
     /// How often each frame was timed.
     pub repeats: usize,
@@ -63,7 +63,7 @@ pub struct Report {
     pub stability: Vec<stability::CheckRow>,
     /// What a reader must know, a sentence each.
     pub remarks: Vec<String>,
-    /// Frames that could not be measured, and why.
+    /// Frames that could not be measured, those beside the measured ones that cannot be read included, and why.
     pub failed: BTreeMap<i64, String>,
 }
 

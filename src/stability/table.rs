@@ -63,7 +63,7 @@ pub const CHECKS: [Check; 16] = [
     ),
     check("filled", "values", "holes of bad pixels up to 30 pixels wide are filled, whatever the neighbours have"),
     check("shift by 8", "relative", "a frame moved by a multiple of 8 pixels gives the result, moved, away from the borders"),
-    check("one pixel of 1e30", "share of the noise", "changes little from 24 pixels away"),
+    check("one pixel of 1e30", "share of the noise", "changes little outside its kernels' reach, more than 44 pixels away"),
     check("mirrored left to right", "share of the noise", "differs little; the same is not promised"),
     check("mirrored top to bottom", "share of the noise", "differs little; the same is not promised"),
     check("red and blue swapped", "share of the noise", "differs little; the same is not promised"),
