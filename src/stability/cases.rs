@@ -29,7 +29,7 @@ pub enum Hazard {
     BadVector,
     BadAlpha,
     BadLight,
-    /// A square of NaN, 30 pixels wide, in the centre frame alone.
+    /// A square of NaN, 31 pixels wide, in the centre frame alone.
     Hole,
     /// A square of NaN in every frame.
     HoleEverywhere,
@@ -253,9 +253,9 @@ impl Case {
             }
             Hole | HoleEverywhere => {
                 if hazard == HoleEverywhere || t == self.centre {
-                    let (rows, columns) = (middle.0.min(HOLE), middle.1.min(HOLE));
-                    let square = s![middle.0 - rows..middle.0 + rows, middle.1 - columns..middle.1 + columns, ..];
-                    frame.colour.slice_mut(square).fill(f32::NAN);
+                    let (rows, columns, _) = frame.colour.dim();
+                    let around = |middle: usize, size: usize| middle.saturating_sub(HOLE)..(middle + HOLE + 1).min(size);
+                    frame.colour.slice_mut(s![around(middle.0, rows), around(middle.1, columns), ..]).fill(f32::NAN);
                 }
             }
             AlbedoZero => frame.albedo.iter_mut().for_each(|a| a.fill(0.0)),

@@ -84,7 +84,7 @@ pub(super) fn rows(suite: &Suite, case: &Case) -> Vec<CheckRow> {
 impl Case {
     /// Whether there is a hole, usable pixels on both its sides, and nothing else that is odd.
     fn has_a_hole(&self) -> bool {
-        self.rows.max(self.columns) > 2 * HOLE + 1 && (self.hazards == [Hazard::Hole] || self.hazards == [Hazard::HoleEverywhere])
+        self.rows.max(self.columns) > 2 * HOLE + 2 && (self.hazards == [Hazard::Hole] || self.hazards == [Hazard::HoleEverywhere])
     }
 }
 

@@ -61,7 +61,7 @@ pub const CHECKS: [Check; 16] = [
         "relative",
         "2ᵏ times the light in, 2ᵏ times the light out, k from −10 to 10, where the light that sets a frame's exposure is above 1e-27",
     ),
-    check("filled", "values", "holes of bad pixels up to 30 pixels wide are filled, whatever the neighbours have"),
+    check("filled", "values", "holes of bad pixels up to 31 pixels wide are filled, whatever the neighbours have"),
     check("shift by 8", "relative", "a frame moved by a multiple of 8 pixels gives the result, moved, away from the borders"),
     check("one pixel of 1e30", "share of the noise", "changes little outside its kernels' reach, more than 44 pixels away"),
     check("mirrored left to right", "share of the noise", "differs little; the same is not promised"),
