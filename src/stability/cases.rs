@@ -85,7 +85,7 @@ pub const HAZARDS: [Hazard; 26] = [
     Cut,
 ];
 
-/// Half the width of a hole, in pixels.
+/// From the middle of a hole to its edge, in pixels.
 pub(super) const HOLE: usize = 15;
 
 /// What bad pixels hold.
