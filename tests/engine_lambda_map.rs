@@ -30,7 +30,7 @@ fn reach() -> usize {
 
 /// The largest difference relative to the greater value.
 fn apart(a: ArrayView3<f32>, b: ArrayView3<f32>) -> f32 {
-    a.iter().zip(b).map(|(a, b)| (a - b).abs() / a.abs().max(b.abs()).max(1e-6)).fold(0.0, f32::max)
+    greatest(a.iter().zip(b).map(|(a, b)| (a - b).abs() / a.abs().max(b.abs()).max(1e-6)))
 }
 
 #[test]

@@ -57,7 +57,7 @@ fn assert_inside(denoised: &Denoised, hull: [(f32, f32); 3]) {
 
 /// The largest difference of two results relative to each value.
 fn relative(a: &Array3<f32>, b: &Array3<f32>) -> f32 {
-    a.iter().zip(b).map(|(a, b)| (a - b).abs() / a.abs().max(b.abs()).max(f32::MIN_POSITIVE)).fold(0.0, f32::max)
+    greatest(a.iter().zip(b).map(|(a, b)| (a - b).abs() / a.abs().max(b.abs()).max(f32::MIN_POSITIVE)))
 }
 
 proptest! {

@@ -34,7 +34,7 @@ fn half_steps(a: &Denoised, b: &Denoised) -> f32 {
         d.colour.iter().chain(d.alpha.iter().flatten()).chain(d.aovs.iter().flat_map(|a| a.image.iter())).copied().collect()
     };
     let step = |v: f32| if v == 0.0 { f32::MIN_POSITIVE } else { (v.abs().log2().floor() - 10.0).exp2() };
-    values(a).iter().zip(&values(b)).map(|(a, b)| (a - b).abs() / step(a.abs().max(b.abs()))).fold(0.0, f32::max)
+    greatest(values(a).iter().zip(&values(b)).map(|(a, b)| (a - b).abs() / step(a.abs().max(b.abs()))))
 }
 
 /// Five frames of a small noisy square on a ground of one colour, which moves by `motion` columns a frame.

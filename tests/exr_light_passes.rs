@@ -93,6 +93,32 @@ fn contributions_recombine() {
     }
 }
 
+/// DWA would round a Color of 1e-4 away, and the light with it.
+#[test]
+fn light_on_black_survives_dwa() {
+    for compression in [Compression::DWAA(None), Compression::DWAB(None)] {
+        let (_folder, source, output) = folder();
+        let mut parts = lit(FULL, SampleType::F16, true);
+        // Black beside bright: a block of one value would keep it.
+        for channel in &mut parts[3].channels {
+            channel.bits.iter_mut().enumerate().for_each(|(i, b)| *b = bits(SampleType::F16, if i % 4 == 0 { 0.8 } else { 0.0 }));
+        }
+        write(&source, parts, Style::new(compression));
+        let layout = read_layout(&source).unwrap();
+        let resolved = resolve(&layout, &Selection { aovs: vec!["Diffuse Direct".into()], ..Selection::default() }).unwrap();
+        let frame = read_frame(&layout, &resolved).unwrap();
+        let aovs = vec![Aov { name: frame.aovs[0].name.clone(), image: Array3::from_elem(frame.colour.dim(), 0.5) }];
+        let denoised = Denoised { colour: frame.colour.clone(), alpha: frame.alpha.clone(), aovs };
+        write_denoised(&layout, &resolved, &denoised, &WriteOptions::default(), &output).unwrap();
+        let written = read_layout(&output).unwrap();
+        let again =
+            resolve(&written, &Selection { aovs: vec!["Diffuse Direct".into()], denoised_ok: true, ..Selection::default() });
+        let light = read_frame(&written, &again.unwrap()).unwrap().aovs.remove(0).image;
+        let off = light.iter().map(|v| (v - 0.5).abs()).sum::<f32>() / light.len() as f32;
+        assert!(off < 0.02, "{compression:?}: {off}");
+    }
+}
+
 #[test]
 fn reading_multiplies_by_colour() {
     let (_folder, source, _) = folder();

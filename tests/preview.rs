@@ -30,6 +30,7 @@ fn made(sequence: &Sequence, request: &Request) -> Result<Preview, Error> {
 /// The largest difference as a share of the value and a hundredth of a well exposed frame.
 fn apart(a: &Array3<f32>, b: &Array3<f32>) -> f32 {
     assert_eq!(a.dim(), b.dim());
+    assert!(a.iter().chain(b).all(|v| v.is_finite()), "no image");
     a.iter().zip(b).map(|(a, b)| (a - b).abs() / (a.abs().max(b.abs()) + 0.01)).fold(0.0, f32::max)
 }
 

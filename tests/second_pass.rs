@@ -11,7 +11,7 @@ use hush::engine::{SILENT, Skip, Weights};
 use hush::io::Selection;
 use hush::io::sequence::Sequence;
 use hush::preview::{Request, preview};
-use hush::settings::Lambda;
+use hush::settings::{Guide, Lambda};
 use hush::shot::{CancelToken, FrameState, Job, Scope, SequenceCheck, StaleKind, Status};
 use hush::{Denoised, EncodedFrame, Engine, FirstPass, Frame, Settings};
 use ndarray::Array3;
@@ -96,6 +96,27 @@ fn runs_one_after_another_give_what_one_run_gives() {
         assert_eq!(summary.written, 1);
         assert!(made(&one_by_one, n) == std::fs::read(shot.output(n)).unwrap(), "frame {n}");
     }
+}
+
+#[test]
+fn what_changed_between_two_runs_is_read_again() {
+    let shot = shot(1..=9);
+    let mut runner = hush::shot::Runner::new(&shot.engine);
+    let kept = job(&shot).with(|s| s.frames = Some("5".parse().unwrap()));
+    runner.run(&kept, &|_| {}, &CancelToken::new()).unwrap();
+    let before = made(&kept, 5);
+    shot.render_again(7);
+    assert_eq!(runner.run(&kept, &|_| {}, &CancelToken::new()).unwrap().written, 1);
+    let fresh = |job: &Job| {
+        let job = Job { output: shot.dir.path().join("fresh"), ..job.clone() };
+        assert!(shot.run(&job).summary().is_complete());
+        made(&job, 5)
+    };
+    let again = made(&kept, 5);
+    assert!(again == fresh(&kept) && again != before);
+    let unguided = kept.clone().with(|s| s.guides = Some(vec![Guide::Vector]));
+    assert_eq!(runner.run(&unguided, &|_| {}, &CancelToken::new()).unwrap().written, 1);
+    assert!(made(&unguided, 5) == fresh(&unguided) && made(&unguided, 5) != again);
 }
 
 #[test]

@@ -110,6 +110,36 @@ fn what_was_made_without_a_frame_that_could_not_be_read_is_made_again() {
 }
 
 #[test]
+fn what_an_earlier_run_wrote_is_no_result_of_one_that_was_stopped_or_failed() {
+    let shot = Shot::new(1..=4, Look::default());
+    shot.run(&shot.job());
+    let job = |lambda: &str| shot.job().with(|s| s.lambda = Some(lambda.parse().unwrap()));
+    let stale = |job: &Job| -> Vec<_> {
+        let checked = SequenceCheck::new().check(job).unwrap();
+        checked.frames.iter().filter_map(|f| Some((f.frame, f.kind?))).collect()
+    };
+    let cancel = CancelToken::new();
+    shot.run_until(&job("4"), &cancel, |event| {
+        if matches!(event, Event::Working { frame: 2 }) {
+            cancel.cancel();
+        }
+    });
+    assert_eq!(stale(&job("4")), [(3, StaleKind::Unfinished), (4, StaleKind::Unfinished)]);
+    assert_eq!(shot.run(&job("4")).log.with(Status::Denoised), [3, 4]);
+    let (aside, before) = (shot.dir.path().join("aside.exr"), fs::read(shot.output(4)).unwrap());
+    let outcome = shot.run_until(&job("8"), &CancelToken::new(), |event| match event {
+        Event::Start { .. } => fs::rename(shot.input(4), &aside).unwrap(),
+        Event::Done(_) => fs::rename(&aside, shot.input(4)).unwrap(),
+        _ => {}
+    });
+    assert_eq!((outcome.summary().failed.as_slice(), fs::read(shot.output(4)).unwrap()), (&[4][..], before));
+    let beside = |n| (n, StaleKind::Neighbours);
+    assert_eq!(stale(&job("8")), [beside(2), beside(3), (4, StaleKind::Failed)]);
+    assert_eq!(shot.run(&job("8")).log.with(Status::Denoised), [2, 3, 4]);
+    assert_eq!(stale(&job("8")), []);
+}
+
+#[test]
 fn a_damaged_output_is_made_again() {
     let shot = Shot::new(1..=3, Look::default());
     shot.run(&shot.job());

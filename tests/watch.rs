@@ -340,6 +340,25 @@ fn settings_that_cannot_be_read_hold_up_their_own_shot_alone() {
 }
 
 #[test]
+fn settings_for_another_engine_hold_up_their_own_shot_alone() {
+    for (line, name) in
+        [("renderer = \"mitsuba\"", "renderer"), ("skip = \"none\"", "skip"), ("second_pass = true", "second_pass")]
+    {
+        let scene = Scene::new();
+        fs::create_dir(scene.path("in/other")).unwrap();
+        fs::write(scene.path("in/other/hush.toml"), line).unwrap();
+        write_frame(&scene.path("in/other/s_1.exr"), 1, Look::default());
+        scene.land(1);
+        let mut watch = scene.watch(&["--settle", "0.5"]);
+        let told = |w: &Watch| format!("{:?}", w.named("warning"));
+        let advice = format!("set {name} to one for all");
+        watch.until("the other shot and a warning", |w| w.denoised().len() == 1 && told(w).contains(&advice));
+        assert!(told(&watch).contains("other/s_#.exr") && !scene.path("out/other").exists(), "{}", told(&watch));
+        watch.stop();
+    }
+}
+
+#[test]
 fn an_output_folder_that_cannot_be_written_is_waited_for() {
     let scene = Scene::new();
     fs::create_dir(scene.path("in/a")).unwrap();

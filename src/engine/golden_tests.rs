@@ -66,7 +66,7 @@ fn compare(what: &str, found: ArrayView<f32, Ix3>, expected: Array<f32, Ix3>) {
     let worst = found
         .indexed_iter()
         .map(|(i, v)| ((v - expected[i]).abs(), i))
-        .fold((0.0, (0, 0, 0)), |a, b| if b.0 > a.0 { b } else { a });
+        .fold((0.0, (0, 0, 0)), |a, b| if b.0 > a.0 || b.0.is_nan() { b } else { a });
     assert_eq!(found.dim(), expected.dim(), "{what}");
     assert!(worst.0 <= TOLERANCE * scale, "{what}: off by {} of {scale} at {:?}", worst.0, worst.1);
 }

@@ -193,6 +193,29 @@ mod tests {
     }
 
     #[test]
+    fn every_setting_that_changes_pixels_is_a_change_by_its_name() {
+        let usual = settings(json!({}), 1.0);
+        for setting in others() {
+            let value = match setting.kind {
+                Kind::Flag => json!(true),
+                Kind::Names => json!(["a"]),
+                Kind::Choices(all) => json!(all[..1]),
+                _ => json!("text"),
+            };
+            let new = settings(json!({ (setting.name): value }), 1.0);
+            let changed: Vec<&str> = new.changes_since(&usual).iter().map(|change| change.setting.name).collect();
+            assert!(changed == [setting.name] && new.key() != usual.key(), "{}: {changed:?}", setting.name);
+        }
+        let rest: Vec<&str> = SETTINGS.iter().map(|s| s.name).filter(|name| others().all(|s| s.name != *name)).collect();
+        let of_dials = ["lambda", "lambda_masked", "window"];
+        let of_the_engine = ["skip", "second_pass", "model", "renderer"];
+        let of_no_pixel = ["enable", "input", "output", "frames", "memory", "threads"];
+        let mut known = [&of_dials[..], &of_the_engine, &of_no_pixel].concat();
+        known.sort_by_key(|name| SETTINGS.iter().position(|s| s.name == *name));
+        assert_eq!(rest, known);
+    }
+
+    #[test]
     fn what_is_said_as_it_is_anyway_changes_nothing() {
         let same = json!({ "renderer": "cycles", "guides": ["vector", "depth", "normal", "albedo"], "aovs": "none", "keep_noisy": false,
             "memory": "4G", "frames": "1-2" });

@@ -125,7 +125,7 @@ mod tests {
     fn what_was_reached_early_is_reported_when_it_is_time() {
         let events = heard(0, |reached| {
             reached(0.25);
-            thread::sleep(Duration::from_millis(1300));
+            thread::sleep(2 * QUIET);
         });
         assert_eq!(events.iter().map(|e| e.1).collect::<Vec<_>>(), [0.25]);
     }
@@ -133,9 +133,9 @@ mod tests {
     #[test]
     fn reading_counts() {
         let events = heard(4, |reached| {
-            thread::sleep(Duration::from_millis(1100));
+            thread::sleep(2 * QUIET);
             reached(0.5);
-            thread::sleep(Duration::from_millis(300));
+            thread::sleep(5 * EVERY);
         });
         let fractions: Vec<f64> = events.iter().map(|e| e.1).collect();
         assert_eq!(fractions, [0.375, 0.688]);

@@ -25,7 +25,8 @@ import venvs
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
-TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
+TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")).resolve()
+VENVS = Path(os.environ.get("HUSH_TEST_VENVS", TARGET / "bpy")).resolve()
 TIME_LIMIT = 300.0
 
 
@@ -61,6 +62,7 @@ def environment(user: Path, scratch: Path, version_folder: Path) -> dict[str, st
         LC_ALL="C.UTF-8",
         TMPDIR=str(scratch / "tmp"),
         HUSH_CASE_FOLDER=str(scratch),
+        HUSH_TEST_VENVS=str(VENVS),
         HUSH_SHOTS=str(version_folder / "shots"),
     )
     return kept
@@ -114,7 +116,7 @@ def validate(python: str, archive: Path) -> str | None:
 
 def run_version(name: str, archive: Path, cases: list[Path], tally: Tally, keep: bool) -> None:
     """Installs the zip into a fresh user folder, then runs each case in its own process with a copy of that folder."""
-    python = str(venvs.python_with_blender(name, Path(os.environ.get("HUSH_TEST_VENVS", TARGET / "bpy"))))
+    python = str(venvs.python_with_blender(name, VENVS))
     folder = TARGET / "blender" / name
     shutil.rmtree(folder, ignore_errors=True)
     user = folder / "user"

@@ -114,6 +114,11 @@ pub fn bits(denoised: &Denoised) -> Vec<u32> {
     denoised.colour.iter().chain(alpha).chain(aovs).map(|v| v.to_bits()).collect()
 }
 
+/// The greatest of some differences; what is no number is greater than any.
+pub fn greatest(differences: impl IntoIterator<Item = f32>) -> f32 {
+    differences.into_iter().fold(0.0, |most, d| if d.is_nan() { f32::INFINITY } else { most.max(d) })
+}
+
 /// Panics unless the result has the size and is an image: finite, no negative light, alpha in 0…1.
 pub fn assert_sane(what: &str, denoised: &Denoised, rows: usize, columns: usize) {
     assert_eq!(denoised.colour.dim(), (rows, columns, 3), "{what}");

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib.util
+import os
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -35,9 +37,9 @@ def wheel(folder: Path, platform: str, version: str = VERSION, python: str = "cp
     return path
 
 
-def run(output: Path, *wheels: Path) -> subprocess.CompletedProcess[str]:
+def run(output: Path, *wheels: Path, script: Path = SCRIPT) -> subprocess.CompletedProcess[str]:
     named = [argument for path in wheels for argument in ("--wheel", str(path))]
-    command = [sys.executable, str(SCRIPT), "--output", str(output), *named]
+    command = [sys.executable, str(script), "--output", str(output), *named]
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
@@ -74,9 +76,16 @@ def test_one_zip_a_platform(tmp_path: Path) -> None:
 
 
 def test_the_same_bytes_again(tmp_path: Path) -> None:
-    made = wheel(tmp_path, LINUX)
-    for name in ("first", "second"):
-        assert run(tmp_path / name, made).returncode == 0
+    """From another checkout too, whose files have other dates and permissions."""
+    made, checkout = wheel(tmp_path, LINUX), tmp_path / "checkout"
+    copy = shutil.copytree(SCRIPT.parent, checkout / SCRIPT.parent.name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "Cargo.toml", checkout)
+    for path in copy.rglob("*"):
+        path.chmod(0o700)
+        os.utime(path, (1_000_000_000, 1_000_000_000))
+    for name, script in (("first", SCRIPT), ("second", copy / SCRIPT.name)):
+        result = run(tmp_path / name, made, script=script)
+        assert result.returncode == 0, result.stderr
     first, second = ((tmp_path / name / f"hush-{VERSION}-linux_x64.zip").read_bytes() for name in ("first", "second"))
     assert first == second
 

@@ -54,9 +54,10 @@ def test_a_saved_file_shows_no_frame_in_any_blender() -> None:
     _, _, blend = saved("without")
     for image in opened(blend, enabled=False):
         frames.assert_incoming(image)
-    pythons = sorted(Path(os.environ.get("HUSH_TEST_VENVS", "/nowhere")).glob("bpy-*/bin/python"))
-    for python in pythons:
-        version = tuple(map(int, python.parents[1].name.removeprefix("bpy-").split(".")))
+    pythons = Path(os.environ["HUSH_TEST_VENVS"]).glob("bpy-*/bin/python")
+    versions = {tuple(map(int, python.parents[1].name.removeprefix("bpy-").split("."))): python for python in pythons}
+    assert bpy.app.version in versions, versions
+    for version, python in sorted(versions.items()):
         if version > bpy.app.version:
             for image in opened(blend, enabled=False, python=python):
                 frames.assert_incoming(image, f"in {version}")
