@@ -335,7 +335,7 @@ fn the_peer_runs_as_cycles_runs_it_and_is_measured_by_its_own_clock() {
     let path = tool(&shot, "echo 'out of order' >&2; exit 3");
     let named = hush(&shot, &["report", "shot", "-o", "other", "--repeats", "1", "--oidn", &path]);
     assert_eq!(named.status.code(), Some(1));
-    assert!(text(&named.stderr).contains("out of order: --no-oidn does without it"), "{}", text(&named.stderr));
+    assert!(text(&named.stderr).contains("out of order: pass --no-oidn to do without it"), "{}", text(&named.stderr));
     let found =
         command(&shot, &["report", "shot", "-o", "found", "--repeats", "1", "-q"]).env("PATH", shot.dir.path()).output().unwrap();
     assert_eq!(found.status.code(), Some(0), "{}", text(&found.stderr));

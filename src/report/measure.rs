@@ -257,7 +257,7 @@ impl Measurement<'_> {
             }
             Err(_) if self.cancel.is_cancelled() => Err(Error::Cancelled),
             Err(error) if *named => {
-                Err(Error::BadSetting { name: "oidn", reason: format!("{error}: --no-oidn does without it") })
+                Err(Error::BadSetting { name: "oidn", reason: format!("{error}: set oidn to false to do without it") })
             }
             Err(error) => {
                 self.remarks.push(format!("OIDN is left out: {error}."));

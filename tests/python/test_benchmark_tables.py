@@ -164,6 +164,14 @@ def test_one_frame_has_no_standard_error() -> None:
     assert "0.1000 |" in tables.score_table(found, ["a"], [4])
 
 
+def test_mid_shot_are_the_frames_with_a_whole_window() -> None:
+    by_frame = [float(n) for n in range(1, 9)]
+    assert tables.in_mid_shot("smape", by_frame, range(1, 9), range(1, 9)) == [None, None, 3, 4, 5, 6, None, None]
+    assert tables.in_mid_shot("unbiased_flicker", by_frame, range(1, 9), range(1, 9)) == [None, None, None, 4, 5, 6, None, None]
+    assert tables.in_mid_shot("smape", [3.0, 4.0, 6.0], [3, 4, 6], range(1, 9)) == [3, 4, 6], "frames without a reference still help"
+    assert tables.in_mid_shot("flicker", [None, 4.0, 6.0], [3, 4, 6], range(1, 9)) == [None, 4, None]
+
+
 def test_a_method_that_was_not_run_has_no_row() -> None:
     found = results()
     for take in found.values():
@@ -174,10 +182,10 @@ def test_a_method_that_was_not_run_has_no_row() -> None:
 
 
 def test_the_first_shots_have_tables_of_their_own_once_there_are_others() -> None:
-    text = tables.report(results(), ["a", "b", "c"])
+    text = tables.report(results(), results(), ["a", "b", "c"])
     assert text.startswith("| a, b; over OIDN") and "a, b; 4 and 32 spp" in text
     assert "| b, 32 spp | 1.50 | 0.80 ± 0.00 | 0.40 ± 0.00 | 1.00 | 1.00 ± 0.00 |" in text
-    apart = tables.report(results(), ["a"])
+    apart = tables.report(results(), results(), ["a"])
     assert "| a, b; over OIDN" in apart and "| a; over OIDN" in apart and "| a; 4 and 32 spp |" in apart
     assert "| a; over OIDN" not in text
 

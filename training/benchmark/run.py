@@ -96,6 +96,21 @@ def measure(take: Take, hush: Hush, device: Any, out: Path, methods: Sequence[st
     return scores
 
 
+def mid_shot(measured: Sequence[Take], results: tables.Results) -> tables.Results:
+    """The results without the frames at both ends of a shot, whose window of ±2 is not whole: half of these short shots."""
+    made: dict[tuple[str, int], dict[str, tables.Scores]] = {}
+    for take in measured:
+        there, clean, in_halves = (numbers(folder) for folder in (take.noisy, take.reference, take.halves[0]))
+        made[take.shot, take.spp] = {
+            method: {
+                metric: tables.in_mid_shot(metric, by_frame, in_halves if metric.startswith("unbiased") else clean, there)
+                for metric, by_frame in scores.items()
+            }
+            for method, scores in results[take.shot, take.spp].items()
+        }
+    return made
+
+
 def about(measured: list[Take], shots: Sequence[str], with_peer: bool = True) -> str:
     """What was measured, in a sentence or two; `with_peer`, against OIDN and with unbiased errors."""
     parts = []
@@ -165,7 +180,7 @@ def main() -> None:
             parts = (about(measured, chosen.shots), equal_error.report(results))
             (chosen.figure or out / "equal-error.svg").write_text(equal_error.figure(results), encoding="utf-8")
         else:
-            found = tables.report(results, FIRST_SHOTS, chosen.ratios_only)
+            found = tables.report(results, mid_shot(measured, results), FIRST_SHOTS, chosen.ratios_only)
             noise = "" if chosen.ratios_only else reference_noise(measured, hush)
             parts = (about(measured, chosen.shots), found, noise)
         text = "\n\n".join(part for part in parts if part)

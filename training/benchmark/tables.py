@@ -166,13 +166,21 @@ def name_of(target: Target) -> str:
     return f"{METHODS[target.method]}: {METRICS[target.metric]} at most {target.limit}×{' on every shot' if target.every_shot else ''}"
 
 
-def target_table(results: Results, shots: Sequence[str], spp: Sequence[int]) -> str:
-    """The targets: ratios at each number of samples and over all, and whether the last meets them."""
+def in_mid_shot(metric: str, by_frame: Sequence[float | None], frames: Sequence[int], there: Sequence[int]) -> list[float | None]:
+    """A score by frame, None for `frames` that have not two of the shot's frames, which are `there`, on both sides; of changes, those
+    between two that have them."""
+    inner = {frame for frame in frames if {frame - 2, frame - 1, frame + 1, frame + 2} <= set(there)}
+    kept = {frame for frame in inner if frame - 1 in inner} if "flicker" in metric else inner
+    return [value if frame in kept else None for frame, value in zip(frames, by_frame, strict=True)]
+
+
+def target_table(results: Results, shots: Sequence[str], spp: Sequence[int], which: str = "") -> str:
+    """The targets: ratios at each number of samples and over all, and whether the last meets them. `which` says of which frames."""
     rows = []
     for target in TARGETS:
         found, text = ratio_cell(results, target, shots, spp)
         rows.append([name_of(target), *(ratio_cell(results, target, shots, [n])[1] for n in spp), text, verdict(found, target.limit)])
-    return table([f"{', '.join(shots)}; {OVER}", *(f"{n} spp" for n in spp), "all", "target"], rows)
+    return table([f"{', '.join(shots)}{which}; {OVER}", *(f"{n} spp" for n in spp), "all", "target"], rows)
 
 
 def shot_ratio_table(results: Results, shots: Sequence[str], spp: Sequence[int]) -> str:
@@ -200,13 +208,16 @@ def replaced(document: str, name: str, text: str, by: str = "run.py") -> str:
     return f"{before}{start}\n{text}\n{end}{after}"
 
 
-def report(results: Results, first_shots: Sequence[str], ratios_only: bool = False) -> str:
-    """Every table; those of the first shots by themselves where there are others. `ratios_only`: those of the peer's shares."""
+def report(results: Results, mid_shot: Results, first_shots: Sequence[str], ratios_only: bool = False) -> str:
+    """Every table; those of the first shots by themselves where there are others, and the targets by `mid_shot`, the results without
+    the frames at the ends of the shots. `ratios_only`: those of the peer's shares."""
     shots = list(dict.fromkeys(shot for shot, _ in results))
     spp = sorted({n for _, n in results})
     first = [shot for shot in first_shots if shot in shots]
     groups = [shots] + ([first] if first and len(first) < len(shots) else [])
-    parts = [target_table(results, group, spp) for group in groups] + [shot_ratio_table(results, shots, spp)]
+    parts = [target_table(results, group, spp) for group in groups]
+    parts += [target_table(mid_shot, group, spp, ", frames with a whole window") for group in groups]
+    parts.append(shot_ratio_table(results, shots, spp))
     if ratios_only:
         return "\n\n".join(parts)
     for group in groups:
