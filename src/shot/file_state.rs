@@ -253,11 +253,20 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let (path, aside) = (dir.path().join("a.exr"), dir.path().join("b.exr"));
         let date = SystemTime::now() - Duration::from_secs(1000);
-        let write = |path: &Path, text: &str| {
-            std::fs::write(path, text).unwrap();
-            File::options().write(true).open(path).unwrap().set_modified(date).unwrap();
-            // The system's own dates are some milliseconds apart.
-            std::thread::sleep(Duration::from_millis(30));
+        let mut last = None;
+        let mut write = |path: &Path, text: &str| {
+            // The system's own dates are some milliseconds apart, more where it is busy.
+            for _ in 0..1000 {
+                std::fs::write(path, text).unwrap();
+                File::options().write(true).open(path).unwrap().set_modified(date).unwrap();
+                let made = changed(&path.metadata().unwrap());
+                std::thread::sleep(Duration::from_millis(5));
+                if last.is_none() || made != last {
+                    last = made;
+                    return;
+                }
+            }
+            panic!("the system's clock stands still");
         };
         write(&path, "noise");
         let then = FileState::read(&path);
