@@ -64,7 +64,7 @@ fn several_layers_are_denoised_in_one_go() {
     assert_eq!(found(&["all"], None).unwrap().len(), 3);
     assert_eq!(
         found(&["A", "C"], None).unwrap_err().to_string().split(" has ").last(),
-        Some("no view layer C: its view layers are A, B, Vectors")
+        Some("no view layer C: its view layers are A, B, Data, Vectors")
     );
 }
 
