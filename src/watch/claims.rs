@@ -167,7 +167,13 @@ impl Claims {
         let lock = lock(&folder);
         for path in fs::read_dir(&folder).into_iter().flatten().flatten().map(|e| e.path()) {
             let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            let Some(owner) = fs::read(&path).ok().and_then(|c| serde_json::from_slice::<Owner>(&c).ok()) else { continue };
+            let Some(owner) = fs::read(&path).ok().and_then(|c| serde_json::from_slice::<Owner>(&c).ok()) else {
+                // Killed as it wrote it; one that lives writes it again.
+                if name.ends_with(ALIVE) {
+                    let _ = fs::remove_file(&path);
+                }
+                continue;
+            };
             if owner.host == self.owner.host && is_gone(owner.pid) {
                 if let Some(file) = name.strip_suffix(".claim") {
                     let content = serde_json::to_vec(&owner).unwrap_or_default();
@@ -221,9 +227,10 @@ pub(super) fn tidy(output: &Path) {
 }
 
 const LOCK: &str = "lock";
+const ALIVE: &str = ".alive";
 
 fn alive_name(token: &str) -> String {
-    format!("{token}.alive")
+    format!("{token}{ALIVE}")
 }
 
 /// Creates a claim; false where there is one.
@@ -319,6 +326,18 @@ mod tests {
         assert!(left("f.exr.claim") && !left("g.exr.claim"));
         drop(of_dead);
         assert!(left("f.exr.claim"), "the dead one's return takes nothing away");
+    }
+
+    #[test]
+    fn an_alive_file_cut_short_by_a_kill_does_not_stay() {
+        let dir = tempfile::tempdir().unwrap();
+        let claims = Claims::new();
+        let held = claims.open(dir.path()).unwrap();
+        fs::write(dir.path().join(CLAIMS).join(alive_name("0123")), b"").unwrap();
+        claims.sweep(dir.path());
+        drop(held);
+        tidy(dir.path());
+        assert!(!dir.path().join(CLAIMS).exists());
     }
 
     #[test]
