@@ -36,17 +36,17 @@ def debian(suite: str, place: Path) -> None:
         sys.exit("run.py: debootstrap is missing (apt install debootstrap); or name a Blender with --blender")
     subprocess.run(["debootstrap", "--variant=minbase", suite, place, MIRROR], check=True)
     install = ["apt-get", "install", "--yes", "--no-install-recommends", *PACKAGES]
-    inside(place, [], ["env", "DEBIAN_FRONTEND=noninteractive", *install]).check_returncode()
+    subprocess.run([*inside(place, []), "env", "DEBIAN_FRONTEND=noninteractive", *install], check=True)
 
 
-def inside(place: Path, seen: list[Path], words: list[str], limit: float | None = None) -> subprocess.CompletedProcess[bytes]:
-    """Runs a command in that Debian, where some folders of this machine lie where they lie here; the mounts go with it."""
+def inside(place: Path, seen: list[Path]) -> list[str | Path]:
+    """What runs the command behind it in that Debian, where some folders of this machine lie where they lie here; the mounts go with it."""
     mounts = [f"mount --bind /{name} '{place}/{name}'" for name in ("proc", "dev")]
     for path in seen:
         (place / path.relative_to("/")).mkdir(parents=True, exist_ok=True)
         mounts.append(f"mount --bind '{path}' '{place}{path}'")
     script = " && ".join([*mounts, 'exec chroot "$@"'])
-    return subprocess.run(["unshare", "--mount", "sh", "-c", script, "sh", place, *words], check=False, timeout=limit)
+    return ["unshare", "--mount", "sh", "-c", script, "sh", place]
 
 
 def built_zip() -> Path:
@@ -87,15 +87,13 @@ def main() -> int:
     screen = ["xvfb-run", "--auto-servernum", f"--server-args=-screen 0 {SIZE}x24"]
     press = press if chosen.blender and os.environ.get("DISPLAY") else [*screen, *press]
     settings = ["env", *(f"{name}={value}" for name, value in variables.items())]
+    machine: list[str | Path] = []
+    if not chosen.blender:
+        debian(chosen.suite, scratch / chosen.suite)
+        machine = inside(scratch / chosen.suite, [ROOT, scratch, pictures])
     with (work / "log.txt").open("wb") as log:
         for words in (install, shot, press):
-            if chosen.blender:
-                subprocess.run([*settings, *words], check=False, timeout=TIME_LIMIT, stdout=log, stderr=log)
-                continue
-            debian(chosen.suite, scratch / chosen.suite)
-            command = " ".join(f"'{word}'" for word in [*settings, *words])
-            inside(scratch / chosen.suite, [ROOT, scratch, pictures], ["sh", "-c", f"{command} > '{work}/said.txt' 2>&1"], TIME_LIMIT)
-            log.write((work / "said.txt").read_bytes())
+            subprocess.run([*machine, *settings, *words], check=False, timeout=TIME_LIMIT, stdout=log, stderr=log)
     said = (work / "log.txt").read_text(errors="replace")
     results = work / "results.json"
     cases = json.loads(results.read_text()) if results.exists() else []
