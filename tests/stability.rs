@@ -9,7 +9,7 @@ use engine_support::SMALL_MODEL;
 use hush::engine::Weights;
 use hush::internals::{Case, CheckRow, HAZARDS, Suite, rendered, summary};
 use hush::io::{Selection, read_frame, read_layout, resolve};
-use hush::{Engine, Frame, Settings};
+use hush::{Engine, Error, Frame, Settings};
 use ndarray::s;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -42,11 +42,17 @@ fn tries() -> ProptestConfig {
 
 #[test]
 fn no_row_of_the_table_fails() {
-    let rows = EMBEDDED.table(0, &|_, _, _| {}).unwrap();
+    let rows = EMBEDDED.table(0, &|_, _, _| Ok(())).unwrap();
     summary(&rows).iter().for_each(|r| println!("{}", line(r)));
     assert!(rows.len() > 250, "{} rows", rows.len());
     let failing = failing(&rows);
     assert!(failing.is_empty(), "{} of {} rows:\n{}", failing.len(), rows.len(), failing.join("\n"));
+}
+
+#[test]
+fn it_stops_where_progress_says_so() {
+    let stop = |done, _: usize, _: &str| if done == 0 { Err(Error::Cancelled) } else { panic!("went on") };
+    assert!(matches!(RANDOM.table(0, &stop), Err(Error::Cancelled)));
 }
 
 /// Small runs of frames with up to four hazards.

@@ -153,7 +153,11 @@ fn finite(colour: [f64; 3]) -> bool {
 
 /// The mean of what `row_sum` returns as (sum, count), rows in parallel, added from top to bottom; None if nothing counts.
 pub(super) fn mean_by_rows(rows: usize, row_sum: impl Fn(usize) -> (f64, usize) + Sync) -> Option<f64> {
-    let sums: Vec<(f64, usize)> = (0..rows).into_par_iter().map(&row_sum).collect();
+    mean_of((0..rows).into_par_iter().map(&row_sum).collect())
+}
+
+/// The mean of what these sums, each with its number of pixels, are the sums of; None of no pixel. In order, so that threads do not show.
+pub(super) fn mean_of(sums: Vec<(f64, usize)>) -> Option<f64> {
     let (sum, count) = sums.into_iter().fold((0.0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
     (count > 0).then(|| sum / count as f64)
 }

@@ -17,24 +17,39 @@ use crate::stability::CheckRow;
 
 /// The page's name in the output folder.
 pub const PAGE: &str = "index.html";
+/// Names of the plots, each as SVG and PNG.
+const PLOTS: [&str; 3] = ["error-time", "by-frame", "by-stage"];
+const SETTINGS: &str = "settings.csv";
+const FRAMES: &str = "frames.csv";
+const STABILITY: &str = "stability.csv";
+const NUMBERS: &str = "report.json";
 /// Pixels of a PNG for each unit of a drawing.
 const SCALE: f32 = 2.0;
+
+/// All that [`write`] may write beside the page.
+fn names() -> impl Iterator<Item = String> {
+    let plots = PLOTS.iter().flat_map(|name| ["svg", "png"].map(|ending| format!("{name}.{ending}")));
+    plots.chain([SETTINGS, FRAMES, STABILITY, NUMBERS].map(String::from))
+}
 
 /// Makes sure before anything is measured that a report can be written to a folder, which is created if need be.
 ///
 /// # Errors
-/// It cannot be made or written to, or holds a page that is no report of ours, or cannot be read.
+/// It cannot be made or written to; it holds something else by the name of a file of a report; the page cannot be read.
 pub fn prepare(folder: &Path) -> Result<()> {
     fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     let page = folder.join(PAGE);
-    match fs::read(&page) {
+    let foreign = match fs::read(&page) {
         // Bytes, as a page of others may be in any encoding.
-        Ok(bytes) if !bytes.windows(MARK.len()).any(|part| part == MARK.as_bytes()) => {
-            let reason = "is there already and was not written by hush report: choose another output folder".into();
-            return Err(Error::BadInput { input: page.display().to_string(), reason });
+        Ok(bytes) => (!bytes.windows(MARK.len()).any(|part| part == MARK.as_bytes())).then_some(page),
+        Err(error) if error.kind() == ErrorKind::NotFound => {
+            names().map(|name| folder.join(name)).find(|path| path.symlink_metadata().is_ok())
         }
-        Err(error) if error.kind() != ErrorKind::NotFound => return Err(Error::io(&page, error)),
-        _ => {}
+        Err(error) => return Err(Error::io(&page, error)),
+    };
+    if let Some(path) = foreign {
+        let reason = "is there already and was not written by hush report: choose another output folder".into();
+        return Err(Error::BadInput { input: path.display().to_string(), reason });
     }
     let probe = folder.join(".hush-report");
     write_atomically(&probe, |_| Ok(()))?;
@@ -48,22 +63,21 @@ pub fn write(measured: &Measured, folder: &Path) -> Result<()> {
         let path = folder.join(name);
         write_atomically(&path, |to| to.write_all(bytes).map_err(|e| Error::io(&path, e)))
     };
-    let plots: [(&str, Drawing); 3] =
-        [("error-time", error_against_time(report)), ("by-frame", by_frame(report)), ("by-stage", by_stage(report))];
-    for (name, drawing) in &plots {
+    let plots: [Drawing; 3] = [error_against_time(report), by_frame(report), by_stage(report)];
+    for (name, drawing) in PLOTS.iter().zip(&plots) {
         put(&format!("{name}.svg"), drawing.file().as_bytes())?;
         let picture = png(drawing, SCALE).ok_or_else(|| Error::bad_file(folder.join(name), "cannot be drawn as PNG"))?;
         put(&format!("{name}.png"), &picture)?;
     }
-    let mut tables = vec![("settings.csv", settings_csv(report)), ("frames.csv", frames_csv(report))];
+    let mut tables = vec![(SETTINGS, settings_csv(report)), (FRAMES, frames_csv(report))];
     if !report.stability.is_empty() {
-        tables.push(("stability.csv", stability_csv(&report.stability)));
+        tables.push((STABILITY, stability_csv(&report.stability)));
     }
     for (name, table) in tables {
         put(name, &table.map_err(|e| Error::bad_file(folder.join(name), e.to_string()))?)?;
     }
-    let json = serde_json::to_vec_pretty(report).map_err(|e| Error::bad_file(folder.join("report.json"), e.to_string()))?;
-    put("report.json", &json)?;
+    let json = serde_json::to_vec_pretty(report).map_err(|e| Error::bad_file(folder.join(NUMBERS), e.to_string()))?;
+    put(NUMBERS, &json)?;
     put(PAGE, page(measured).as_bytes())
 }
 
@@ -141,6 +155,12 @@ mod tests {
         assert!(prepare(&out).unwrap_err().to_string().contains("not written by hush report"), "in Latin-1");
         fs::write(out.join(PAGE), format!("<html>{MARK}")).unwrap();
         prepare(&out).unwrap();
+        for name in names().chain([PAGE.into()]) {
+            let out = folder.path().join(&name).join("out");
+            fs::create_dir_all(&out).unwrap();
+            fs::write(out.join(&name), "mine").unwrap();
+            assert!(prepare(&out).unwrap_err().to_string().contains(&name), "{name}");
+        }
         fs::write(folder.path().join("file"), "").unwrap();
         assert!(prepare(&folder.path().join("file")).is_err());
     }

@@ -7,6 +7,9 @@ use super::{checks, dial, firefly, symmetry};
 use crate::Result;
 use crate::network::weights::Weights;
 
+/// Told how many cases are done, how many there are, and what comes next.
+pub type Progress<'a> = dyn Fn(usize, usize, &str) -> Result<()> + 'a;
+
 impl Suite {
     /// What must hold whatever the frames and the weights are: the rows of one case.
     pub fn case(&self, case: &Case) -> Vec<CheckRow> {
@@ -14,23 +17,23 @@ impl Suite {
     }
 
     /// Every case of the table and `made_up` random ones, then what trained weights must do. `progress` gets how many are done,
-    /// how many there are, and what comes next.
+    /// how many there are, and what comes next; its error ends the run.
     ///
     /// # Errors
-    /// An engine that refuses a frame that is not odd at all.
-    pub fn table(&self, made_up: u64, progress: &dyn Fn(usize, usize, &str)) -> Result<Vec<CheckRow>> {
+    /// An engine that refuses a frame that is not odd at all; what `progress` returns.
+    pub fn table(&self, made_up: u64, progress: &Progress<'_>) -> Result<Vec<CheckRow>> {
         let cases: Vec<Case> = Case::all().into_iter().chain((0..made_up).map(Case::random)).collect();
         let all = cases.len() + 1;
         let mut out = Vec::new();
         for (i, case) in cases.iter().enumerate() {
-            progress(i, all, &case.name);
+            progress(i, all, &case.name)?;
             out.extend(self.case(case));
         }
-        progress(cases.len(), all, "noisy scene");
+        progress(cases.len(), all, "noisy scene")?;
         out.push(firefly::row(self)?);
         out.extend(symmetry::rows(self)?);
         out.extend(dial::rows(self)?);
-        progress(all, all, "");
+        progress(all, all, "")?;
         Ok(out)
     }
 }
@@ -74,8 +77,8 @@ pub const CHECKS: [Check; 16] = [
 /// Runs the whole table on one set of weights; see [`Suite::table`].
 ///
 /// # Errors
-/// Weights that make no engine.
-pub fn run(weights: &Weights, made_up: u64, progress: &dyn Fn(usize, usize, &str)) -> Result<Vec<CheckRow>> {
+/// Weights that make no engine; what `progress` returns.
+pub fn run(weights: &Weights, made_up: u64, progress: &Progress<'_>) -> Result<Vec<CheckRow>> {
     Suite::new(weights)?.table(made_up, progress)
 }
 
