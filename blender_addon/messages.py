@@ -42,6 +42,13 @@ TEXTS = {
     "vector_pass": "View layer {layer} is to give the motion vectors, but does not render them: turn on its Vector pass",
     "vector_blur": "View layer {layer} is to give the motion vectors, but has motion blur: turn off its Motion Blur",
     "format": "The output is {format}: only OpenEXR MultiLayer keeps the passes. Press Prepare Shot",
+    "denoised_again": (
+        "Denoise node {node} in the compositor denoises once more what Hush has denoised, each frame for itself: turn it off (M, Mute)"
+    ),
+    "past_node": (
+        "View layer {layers} goes past the Temporal Denoise node, so Composite Denoised leaves it noisy: "
+        "press Add Temporal Denoise Node for one behind each Render Layers"
+    ),
     "lossy_codec": "The codec {codec} is lossy and blurs the passes: choose ZIP under Output › Codec",
     "half": "The output has 16 bit: very bright pixels and fine steps are lost before denoising. Choose Float (Full) under Output",
     "overwrite_off": "Overwrite is off under Output: frames of an earlier render stay, also where the scene changed",
@@ -118,6 +125,7 @@ TEXTS = {
     "composite_some": "{count} of {total:frame} composited",
     "composite_outputs": "File Output node {node} would replace the frames of the shot and was left out",
     "composite_other_scene": "Scene {scene} is in the composite too: it is rendered again, noisy",
+    "composite_layer_off": "View layer {layer} is off for rendering, so it is empty in the composite, as in a render",
     "composite_lost": "The frames do not hold {passes} of view layer {layer}; the composite does without",
     "composite_scripts": (
         "Python of the file was not run for compositing, so its drivers stood still: "
@@ -183,6 +191,7 @@ TEXTS = {
     "frames_to": "To {path}",
     # The node, and why it passes the image through
     "node_there": "The compositor has a Temporal Denoise node already",
+    "node_added": "{count:node} added, one behind each Render Layers of a view layer that is denoised",
     "node_tree_linked": "The compositor nodes are linked from another file: add the node there",
     "node_switched_off": "The compositor has nodes, but is off: turn on Use Nodes or, in Blender 5.3, a scene effect, then add the node",
     "node_unlinked": "The compositor has no Render Layers to put the node behind: it was added without links",

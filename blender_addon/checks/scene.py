@@ -8,7 +8,7 @@ import bpy
 
 from .. import compat, messages, prepare, shot
 from ..messages import Refusal
-from ..nodes import node
+from ..nodes import flow, node
 from ..settings import SETTINGS
 from .problem import ERROR, INFO, Problem, problem
 
@@ -118,6 +118,11 @@ def _lambda_mask_problems(scene: bpy.types.Scene) -> Iterator[Problem]:
 def _node_problems(scene: bpy.types.Scene) -> Iterator[Problem]:
     for message, name in node.faults(scene):
         yield problem("node", message, fix_in=scene.name, node=name)
+    for name in flow.denoised_again(scene):
+        yield problem("denoised_again", "denoised_again", node=name)
+    layers = flow.past_layers(scene)
+    if layers:
+        yield problem("past_node", "past_node", layers=messages.listed(layers))
 
 
 def _problems_with_others(scene: bpy.types.Scene) -> Iterator[Problem]:

@@ -51,6 +51,8 @@ class _Source:
             "views": self.views,
             "size": shot.render_size(self.scene),
             "others": others,
+            "light_passes": bool(self.scene.hush.use_light_passes),
+            "off": [layer.name for layer in self.scene.view_layers if not layer.use],
             "space": compat.file_space(self.scene),
         }
 
