@@ -86,7 +86,7 @@ TEXTS = {
     "folder_closed": "Nothing can be written into {folder}: {reason}. Choose another folder {where}",
     "files_unread": "The files of the shot cannot be looked at: {reason}",
     "range_empty": "The frame range of the scene is empty: set its Frame Start and End",
-    "unrendered_all": "The shot is not rendered yet, there are no frames in {folder}: press Render Animation",
+    "unrendered_all": "The shot is not rendered yet, there are no frames {path}: press Render Animation",
     "unrendered": "{frames:frame is} not rendered: press Render Animation",
     "space": "The denoised frames need about {needed}, but {free} are free at {place}: make room or choose another folder",
     "first_frame": "{file} cannot be denoised: {reason}",

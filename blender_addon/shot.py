@@ -143,7 +143,10 @@ def settings(scene: bpy.types.Scene, file: Path | None) -> tuple[dict[str, Any],
     vectors = vector_layer(scene)
     names = [name for name in layers(scene) if not _VECTOR_LAYER.fullmatch(name)]
     there, strange = _layers_of(file), []
-    if there:
+    if there == [""]:
+        # A File Output node knows no view layers.
+        names, vectors = [], None
+    elif there:
         spare = [name for name in there if _VECTOR_LAYER.fullmatch(name)]
         strange = [name for name in (*names, vectors) if name and name not in there]
         names = [name for name in names if name in there]
@@ -187,7 +190,7 @@ def stamp(file: Path | None) -> tuple[int, int] | None:
 
 
 def _layers_of(file: Path | None) -> list[str]:
-    """The view layers in a file; none where it has no names for them, or cannot be read."""
+    """The view layers in a file, one without a name where it has no names for them; none where it cannot be read."""
     try:
         import hush
     except ImportError:
@@ -199,7 +202,8 @@ def _layers_of(file: Path | None) -> list[str]:
         about = hush.inspect(str(file))
     except (OSError, ValueError, hush.HushError):
         return []
-    names = [layer["name"] for layer in about.get("layout", about).get("layers", ()) if layer["name"]]
+    found = [layer["name"] for layer in about.get("layout", about).get("layers", ())]
+    names = [name for name in found if name] or found[:1]
     _layers[file] = stamp, names
     return names
 

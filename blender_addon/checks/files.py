@@ -40,7 +40,7 @@ def file_problems(scene: bpy.types.Scene, patterns: list[Path], output: Path, fr
     if not frames:
         yield problem("frames", "range_empty", ERROR)
     elif not present:
-        yield problem("frames", "unrendered_all", INFO, folder=patterns[0].parent)
+        yield problem("frames", "unrendered_all", INFO, path=patterns[0])
     elif missing:
         yield problem("frames", "unrendered", frames=missing)
     if present:
