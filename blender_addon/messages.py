@@ -71,6 +71,14 @@ TEXTS = {
     ),
     "path": "The output path of the scene cannot be used: {reason}. Change Output › Output Path",
     "path_number": "The output path {path} has no frame number: write # where it belongs in Output › Output Path",
+    "path_camera": (
+        "The output path has {{camera_name}} in it, and markers change the camera: the frames of a shot must lie in one folder, with one "
+        "name. Choose an Output › Output Path without it"
+    ),
+    "path_numbers": (
+        "The name {name} has # in several places, but Hush finds frames only where all # are the frame number's: "
+        "take the others out of {where}, and out of the names of frames that are rendered already"
+    ),
     "same_files": (
         "The scenes {one} and {other} render to the same files, {path}: one takes the other's frames for its own. "
         "Give one of them another Output Path"
@@ -94,9 +102,15 @@ TEXTS = {
         "{file} has {columns} × {rows} pixels, the scene renders {wanted_columns} × {wanted_rows}: it is of an earlier render. "
         "Press Render Animation"
     ),
-    "older_layer": "{file} has no view layer {layers}: it is of an earlier render. Press Render Animation",
+    "older_layer": (
+        "{file} has no view layer {layers}, only {there}: if one was renamed since it was rendered, give it its old name back, "
+        "else press Render Animation"
+    ),
     "older_pass": "{file} lacks {passes} of {layer}, turned on since it was rendered: press Render Animation",
-    "strange_layers": "{file} has no view layer {layers}, only {there}: choose other files under Rendered Frames, or render again",
+    "strange_layers": (
+        "{file} has no view layer {layers}, only {there}: if one was renamed since it was rendered, give it its old name back, "
+        "else choose other files under Rendered Frames, or render again"
+    ),
     "lossy_file": "{file} has lossy compression ({compression}): choose ZIP under Output › Codec and press Render Animation",
     "stale": "{frames:frame is} out of date: {reason}. Press Denoise Shot",
     "frames_are": "{frames:frame is}",
@@ -124,6 +138,9 @@ TEXTS = {
     "composite_done": "{count:frame} composited in {clock}, in {folder}",
     "composite_some": "{count} of {total:frame} composited",
     "composite_outputs": "File Output node {node} would replace the frames of the shot and was left out",
+    "composite_no_layer": (
+        "{file} has no view layer {layer}: if it was renamed since it was rendered, give it its old name back, else press Render Animation"
+    ),
     "composite_other_scene": "Scene {scene} is in the composite too: it is rendered again, noisy",
     "composite_layer_off": "View layer {layer} is off for rendering, so it is empty in the composite, as in a render",
     "composite_lost": "The frames do not hold {passes} of view layer {layer}; the composite does without",
@@ -153,7 +170,9 @@ TEXTS = {
     "prepared_already": "The shot was prepared already",
     "nothing_prepared": "There is nothing to undo in {scene}: Prepare Shot changed nothing",
     "unprepared": "The settings are as they were before Prepare Shot",
-    "undo_gone": "{name} is gone",
+    "unprepared_else": "All other settings are as they were before Prepare Shot",
+    "undo_gone": "View layer {layer} is gone, or has another name: what Prepare Shot changed in it stays",
+    "undo_layer_gone": "View layer {layer}, which Prepare Shot added, is gone, or has another name: remove it then",
     "undo_by_hand": "{name} was changed since and stays as it is",
     "undo_failed": "{name} could not be put back: {reason}",
     "set_engine": "Render engine: Cycles",
@@ -349,8 +368,8 @@ def of_error(error: object) -> str:
 
 
 def sentence(words: str) -> str:
-    """With a capital, except for λ."""
-    return words[:1].upper() + words[1:] if not words.startswith("λ") else words
+    """With a capital, except for λ and names of files."""
+    return words if words.startswith("λ") or re.match(r"\S+\.exr\b", words, re.IGNORECASE) else words[:1].upper() + words[1:]
 
 
 def ranges(frames: Iterable[int]) -> str:

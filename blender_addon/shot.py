@@ -53,10 +53,11 @@ def frame_pattern(scene: bpy.types.Scene, view: str | None = None) -> Path:
     rendered = _render_pattern(scene, view)
     folder = scene.hush.input_folder.strip()
     if not folder:
-        return rendered
+        return _with_one_number(rendered, "Output › Output Path")
     given = _absolute(scene, folder)
-    if "#" in given.name:
-        return given
+    # A folder may have # in its name, too.
+    if "#" in given.name and not os.path.isdir(given):
+        return _with_one_number(given, "Rendered Frames")
     found = _patterns_in(given)
     if rendered.name in found or not found:
         return given / rendered.name
@@ -106,6 +107,16 @@ def output_file(scene: bpy.types.Scene, frame: int, view: str | None = None) -> 
 def frame_range(scene: bpy.types.Scene) -> range:
     """The frames that the scene renders."""
     return range(scene.frame_start, scene.frame_end + 1, max(1, scene.frame_step))
+
+
+def changes_camera(scene: bpy.types.Scene) -> bool:
+    """Whether markers give the frames of the range several cameras."""
+    bound = sorted((marker.frame, marker.camera.name_full) for marker in scene.timeline_markers if marker.camera)
+    # What is bound before the first frame holds there, the last of it.
+    first = [camera for frame, camera in bound if frame <= scene.frame_start][-1:]
+    later = [camera for frame, camera in bound if scene.frame_start < frame <= scene.frame_end]
+    before = first or ([scene.camera.name_full] if scene.camera else [])
+    return len({*before, *later}) > 1
 
 
 def vector_layer(scene: bpy.types.Scene) -> str | None:
@@ -312,6 +323,13 @@ def _render_pattern(scene: bpy.types.Scene, view: str) -> Path:
     path = Path(one[: end - max(width, 5)] + "#" * width + one[end:])
     # Also after the output was set to another format for the finished film, the frames are EXR files.
     return path.with_suffix(".exr") if render.use_file_extension else path
+
+
+def _with_one_number(pattern: Path, where: str) -> Path:
+    """The pattern, unless other # of its name are the name's own; the library cannot tell them from the frame number's."""
+    if len(re.findall(r"#+", pattern.name)) > 1:
+        raise Refusal(messages.text("path_numbers", name=pattern.name, where=where))
+    return pattern
 
 
 def _beside_film(scene: bpy.types.Scene, film: Path, width: int) -> Path:

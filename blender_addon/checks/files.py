@@ -139,8 +139,9 @@ def _older_layout(scene: bpy.types.Scene, file: Path, passes: dict[str, set[str]
     if scene.render.engine != "CYCLES" or set(passes) <= {""}:
         return
     gone = [name for name in (*shot.layers(scene), shot.vector_layer(scene) or "") if name and name not in passes]
+    there = sorted(filter(None, passes))
     if gone:
-        yield problem("older", "older_layer", file=file.name, layers=messages.listed(gone))
+        yield problem("older", "older_layer", file=file.name, layers=messages.listed(gone), there=messages.listed(there))
     for name in shot.layers(scene):
         layer = scene.view_layers[name]
         wanted = {"Denoising Albedo": layer.cycles.denoising_store_passes, "Vector": layer.use_pass_vector, "Depth": layer.use_pass_z}

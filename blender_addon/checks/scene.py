@@ -78,6 +78,8 @@ def _output_problems(scene: bpy.types.Scene) -> Iterator[Problem]:
             yield problem("format", "half", fix_in=name)
         if prepare.lacks_extension(scene):
             yield problem("file_extension", "file_extension", ERROR, fix_in=name)
+        if compat.TEMPLATES and "{camera_name}" in render.filepath and shot.changes_camera(scene):
+            yield problem("path", "path_camera", ERROR)
     if not render.use_overwrite:
         yield problem("overwrite", "overwrite_off", INFO, fix_in=name)
     if render.use_placeholder:
