@@ -128,7 +128,8 @@ TEXTS = {
     "composite_missing": "{frames:frame is} not denoised: press Denoise Shot",
     "composite_size": "{frames:frame} cannot be composited: {reason}. Press Render Animation, then Denoise Shot",
     "composite_scene": (
-        "{frames:frame} cannot be composited: {reason}. Give each scene an Output Path of its own, then press Render Animation"
+        "{frames:frame} cannot be composited: {reason}. Give each scene an Output Path of its own, then press Render Animation; "
+        "if it was this one, and was renamed since, give the other scene another name"
     ),
     "composite_damaged": "{frames:frame} cannot be composited: {reason}",
     "composite_failed": "{frames:frame} could not be composited: {reason}",
@@ -219,12 +220,13 @@ TEXTS = {
         "The Temporal Denoise node is of an earlier Hush and shows nothing: press Fix to replace it; its links and settings are kept"
     ),
     "node_broken": (
-        "The inside of the node {node} was copied or changed since Hush made it, so it passes the image through: press Fix to make it anew"
+        "The inside of the node {node} was copied, changed, or opened in a newer Blender since Hush made it, so it passes the image "
+        "through: press Fix to make it anew"
     ),
     "node_replaced": "{count:node} made anew",
     "node_off": "The image passes through: {reason}",
     "node_linked": "the node is linked from {file}, and linked nodes show nothing; add one in this file",
-    "node_inside": "the inside of the node was copied or changed since Hush made it; press Check Shot and Fix",
+    "node_inside": "the inside of the node was copied, changed, or opened in a newer Blender since Hush made it; press Check Shot and Fix",
     "node_owners": "the scenes {scenes} use this node and have different frames; choose one as its Scene",
     "node_stereo": "stereo views are put in by Composite Denoised only",
     "node_stretch": "time is stretched, which files of frames cannot follow; set Time Stretching Old and New to the same",

@@ -109,6 +109,11 @@ def frame_range(scene: bpy.types.Scene) -> range:
     return range(scene.frame_start, scene.frame_end + 1, max(1, scene.frame_step))
 
 
+def has_camera(scene: bpy.types.Scene) -> bool:
+    """Whether a scene can be rendered: it has an active camera, or a marker gives it one."""
+    return scene.camera is not None or any(marker.camera for marker in scene.timeline_markers)
+
+
 def changes_camera(scene: bpy.types.Scene) -> bool:
     """Whether markers give the frames of the range several cameras."""
     bound = sorted((marker.frame, marker.camera.name_full) for marker in scene.timeline_markers if marker.camera)

@@ -20,7 +20,7 @@ def scene_problems(scene: bpy.types.Scene) -> Iterator[Problem]:
         yield problem("linked", "linked", ERROR, file=scene.library.filepath)
     if render.engine != "CYCLES":
         yield problem("engine", "engine", ERROR, fix_in=name, engine=render.engine)
-    if scene.camera is None and not any(marker.camera for marker in scene.timeline_markers):
+    if not shot.has_camera(scene):
         if any(thing.type == "CAMERA" for thing in scene.objects):
             yield problem("camera", "camera_inactive", ERROR, fix_in=name)
         else:
@@ -138,8 +138,7 @@ def _problems_with_others(scene: bpy.types.Scene) -> Iterator[Problem]:
 
 def _rendered_files(scene: bpy.types.Scene) -> set[str]:
     """The patterns that a scene's frames are rendered to; none where it renders nothing itself."""
-    has_camera = scene.camera is not None or any(marker.camera for marker in scene.timeline_markers)
-    if scene.hush.input_folder or not has_camera or scene.render.image_settings.file_format != "OPEN_EXR_MULTILAYER":
+    if scene.hush.input_folder or not shot.has_camera(scene) or scene.render.image_settings.file_format != "OPEN_EXR_MULTILAYER":
         return set()
     try:
         return {str(pattern) for pattern in shot.frame_patterns(scene)}

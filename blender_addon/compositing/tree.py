@@ -200,7 +200,10 @@ class Stage:
 
     def _replace_layers(self, tree: bpy.types.NodeTree, layers: bpy.types.Node) -> None:
         source = self._source_of(layers.scene)
-        if source is None:
+        if source is None and not any(output.is_linked for output in layers.outputs):
+            # As where a node of Hush took its image, in a tree that scenes share: Blender would render that scene for nothing.
+            tree.nodes.remove(layers)
+        elif source is None:
             self._tell("composite_other_scene", scene=layers.scene.name)
         elif layers.mute:
             tree.nodes.remove(layers)

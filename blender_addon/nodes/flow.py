@@ -14,35 +14,33 @@ _DENOISE, _GROUP = "CompositorNodeDenoise", "CompositorNodeGroup"
 # What goes there is looked at only, or was meant to be as it is rendered.
 _ASIDE = {"CompositorNodeViewer", "CompositorNodeOutputFile"}
 _Place = tuple[bpy.types.NodeTree, bpy.types.Node]
-_Users = dict[bpy.types.NodeTree, list[_Place]]
+_Given = tuple[bpy.types.NodeTree, bpy.types.NodeSocket]
 
 
 def denoised_again(scene: bpy.types.Scene) -> list[str]:
     """Names of the Denoise nodes that get what Hush has denoised."""
-    places = list(kinds.reached(scene))
-    are_there, users = any(_is_ours(node) for _, node in places), _users(places)
-    found = []
-    for tree, node in places:
+    flow, found = _Flow(scene), set()
+    are_there = any(_is_ours(node) for _, node in flow.places)
+    for tree, node in flow.places:
         if node.bl_idname == _DENOISE and not node.mute:
-            sources = _sources(tree, node.inputs[0], users, set())
             # Without a node of Hush everything that is rendered is composited denoised.
-            if any(_is_ours(each.node) or not are_there and _is_render(tree, each, scene) for tree, each in sources):
-                found.append(node.name)
-    return sorted(set(found))
+            sources = flow.sources(tree, node.inputs[0])
+            if any(_is_ours(given.node) or not are_there and _is_render(place, given, scene) for place, given in sources):
+                found.add(node.name)
+    return sorted(found)
 
 
-def past(scene: bpy.types.Scene) -> list[tuple[bpy.types.NodeTree, bpy.types.NodeSocket]]:
-    """The sockets that give the image of a view layer that is denoised to something else than a node of Hush; all of the trees' own."""
-    places = list(kinds.reached(scene))
-    users, denoised = _users(places), set(shot.layers(scene))
-    ours = [(tree, node) for tree, node in places if _is_ours(node) and node.inputs]
-    taken = {socket for tree, node in ours for _, socket in _sources(tree, node.inputs[0], users, set())}
+def past(scene: bpy.types.Scene) -> list[_Given]:
+    """The sockets that give the image of a view layer that is denoised to something else than a node of Hush, and their trees."""
+    flow, denoised = _Flow(scene), set(shot.layers(scene))
+    ours = [(tree, node) for tree, node in flow.places if _is_ours(node) and node.inputs]
+    taken = {given for tree, node in ours for _, given in flow.sources(tree, node.inputs[0])}
     found = []
-    for tree, node in places:
+    for tree, node in flow.places:
         given = node.outputs[0] if node.outputs and not node.mute else None
         if given is None or given in taken or not _is_render(tree, given, scene):
             continue
-        if getattr(node, "layer", scene.view_layers[0].name) in denoised and any(_counts(link) for link in given.links):
+        if _layer(node, scene) in denoised and any(_counts(link) for link in given.links):
             found.append((tree, given))
     return found
 
@@ -51,7 +49,12 @@ def past_layers(scene: bpy.types.Scene) -> list[str]:
     """The view layers of `past`, where the compositor has a node of Hush; without one they are composited denoised."""
     if not any(_is_ours(node) for _, node in kinds.reached(scene)):
         return []
-    return sorted({getattr(socket.node, "layer", scene.view_layers[0].name) for _, socket in past(scene)})
+    return sorted({_layer(socket.node, scene) for _, socket in past(scene)})
+
+
+def _layer(node: bpy.types.Node, scene: bpy.types.Scene) -> str:
+    """The view layer of a Render Layers, or of the Group Input of Blender 5.3."""
+    return getattr(node, "layer", scene.view_layers[0].name)
 
 
 def _is_ours(node: bpy.types.Node) -> bool:
@@ -70,45 +73,56 @@ def _counts(link: bpy.types.NodeLink) -> bool:
     return not link.is_muted and link.to_node.bl_idname not in _ASIDE
 
 
-def _users(places: list[_Place]) -> _Users:
-    """The nodes that have a tree as their group, by tree; a muted one lets its input pass by what is in it."""
-    found = defaultdict(list)
-    for tree, node in places:
-        if node.bl_idname == _GROUP and not node.mute and node.node_tree is not None:
-            found[node.node_tree].append((tree, node))
-    return found
+class _Flow:
+    """The links of all trees that a scene's compositor reaches, by where they lead; Blender itself looks through all for each socket."""
 
+    def __init__(self, scene: bpy.types.Scene) -> None:
+        self.places: list[_Place] = list(kinds.reached(scene))
+        self._links: dict[bpy.types.NodeTree, dict[bpy.types.NodeSocket, list[bpy.types.NodeLink]]] = {}
+        # The nodes that have a tree as their group; a muted one lets its input pass by what is in it.
+        self._users: dict[bpy.types.NodeTree, list[_Place]] = defaultdict(list)
+        for tree, node in self.places:
+            if _group(node) is not None:
+                self._users[node.node_tree].append((tree, node))
 
-def _sources(
-    tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, users: _Users, seen: set[bpy.types.NodeSocket]
-) -> Iterator[tuple[bpy.types.NodeTree, bpy.types.NodeSocket]]:
-    """Every output that an input gets something of, also through groups; what a node of Hush or a Denoise node gets is left out."""
-    if socket in seen:
-        return
-    seen.add(socket)
-    for link in socket.links:
-        if link.is_muted:
-            continue
-        node, given = link.from_node, link.from_socket
-        yield tree, given
+    def sources(self, tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket) -> list[_Given]:
+        """Every output that an input gets something of, also through groups; what a node of Hush or a Denoise node gets is left out."""
+        found: list[_Given] = []
+        waiting, seen = [(tree, socket)], {socket}
+        while waiting:
+            place, end = waiting.pop()
+            for link in self._into(place, end):
+                found.append((place, link.from_socket))
+                for each in self._behind(place, link.from_node, link.from_socket):
+                    if each[1] not in seen:
+                        seen.add(each[1])
+                        waiting.append(each)
+        return found
+
+    def _behind(self, tree: bpy.types.NodeTree, node: bpy.types.Node, given: bpy.types.NodeSocket) -> Iterator[_Given]:
+        """The inputs that an output is made from."""
         if _is_ours(node) or node.bl_idname == _DENOISE and not node.mute:
-            continue
-        inner = node.node_tree if node.bl_idname == _GROUP and not node.mute else None
+            return
+        inner = _group(node)
         if node.bl_idname == "NodeGroupInput":
-            ends = [(outer, group.inputs) for outer, group in users.get(tree, ())]
+            ends = [(outer, group.inputs) for outer, group in self._users.get(tree, ())]
         elif inner is not None:
             ends = [(inner, each.inputs) for each in inner.nodes if each.bl_idname == "NodeGroupOutput"]
         else:
-            yield from _of_all(tree, node, users, seen)
-            continue
+            yield from ((tree, each) for each in node.inputs if each.is_linked)
+            return
         for place, inputs in ends:
-            for each in inputs:
-                if each.identifier == given.identifier:
-                    yield from _sources(place, each, users, seen)
+            yield from ((place, each) for each in inputs if each.identifier == given.identifier)
+
+    def _into(self, tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket) -> list[bpy.types.NodeLink]:
+        if tree not in self._links:
+            self._links[tree] = defaultdict(list)
+            for link in tree.links:
+                if not link.is_muted:
+                    self._links[tree][link.to_socket].append(link)
+        return self._links[tree].get(socket, [])
 
 
-def _of_all(
-    tree: bpy.types.NodeTree, node: bpy.types.Node, users: _Users, seen: set[bpy.types.NodeSocket]
-) -> Iterator[tuple[bpy.types.NodeTree, bpy.types.NodeSocket]]:
-    for each in node.inputs:
-        yield from _sources(tree, each, users, seen)
+def _group(node: bpy.types.Node) -> bpy.types.NodeTree | None:
+    """The tree that a node runs."""
+    return node.node_tree if node.bl_idname == _GROUP and not node.mute else None

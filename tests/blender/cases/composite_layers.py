@@ -137,6 +137,25 @@ def test_light_passes_are_denoised_beside_the_node() -> None:
     kit.assert_close(made, denoised, 4e-3)
 
 
+def test_a_compositor_that_two_scenes_share() -> None:
+    """The other scene was rendered again at every frame, for an image that nothing took."""
+    scene = kit.build_scene("plain", kit.folder("shared-one"))
+    scene.render.resolution_x, scene.render.resolution_y, scene.frame_end = 48, 27, 1
+    assert bpy.ops.hush.add_node() == {"FINISHED"}
+    folder = kit.folder("shared-two")
+    other = scene.copy()
+    other.name, other.render.filepath = "Other", str(folder / "frame_####")
+    bpy.ops.render.render(animation=True, scene="Other")
+    tree = compat.compositor_tree(other)
+    for each in tree.nodes:
+        if each.bl_idname == "CompositorNodeRLayers":
+            # Before Blender 5 each scene has a tree of its own, and its copy shows the new scene.
+            each.scene = scene
+    assert bpy.ops.hush.denoise_shot(scene="Other") == {"FINISHED"}
+    assert [text for text in warnings(other) if "composite too" in text] == []
+    kit.assert_close(composites.plain(folder / "composited" / "frame_0001.exr"), combined(folder / "denoised", "ViewLayer"), 4e-3)
+
+
 def test_a_denoise_node_behind_it_is_told() -> None:
     """It is where many compositors denoise, and would bring back the flicker."""
     scene = kit.build_scene()
