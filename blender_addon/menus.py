@@ -106,7 +106,8 @@ def _insert_where_it_goes_past(scene: bpy.types.Scene) -> int:
 
 def _source(tree: bpy.types.NodeTree, scene: bpy.types.Scene) -> bpy.types.NodeSocket | None:
     """Where a tree gets the rendered image from, if it does: this scene's come first, of view layers that are rendered, and linked ones."""
-    found = [each.outputs["Image"] for each in tree.nodes if each.bl_idname == kinds.RENDER_LAYERS]
+    layers = [each for each in tree.nodes if each.bl_idname == kinds.RENDER_LAYERS]
+    found = [each.outputs[name] for name in flow.IMAGES for each in layers if name in each.outputs and each.outputs[name].enabled]
     given = compat.render_input(tree, scene)
     found += [given.outputs[0]] if given is not None else []
     is_other = lambda socket: getattr(socket.node, "scene", None) not in (scene, None)

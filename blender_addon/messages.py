@@ -39,12 +39,18 @@ TEXTS = {
         "where they show different things, neighbours help less"
     ),
     "single_layer": "Render Single Layer is on: view layer {layer} with the vectors is not rendered. Turn it off",
+    "single_layer_of_several": "Render Single Layer is on: of several view layers a window renders the open one only. Turn it off",
     "vector_pass": "View layer {layer} is to give the motion vectors, but does not render them: turn on its Vector pass",
     "vector_blur": "View layer {layer} is to give the motion vectors, but has motion blur: turn off its Motion Blur",
     "format": "The output is {format}: only OpenEXR MultiLayer keeps the passes. Press Prepare Shot",
     "denoised_again": (
         "Denoise node {node} in the compositor denoises once more what Hush has denoised, each frame for itself: turn it off (M, Mute)"
     ),
+    "noisy_image": (
+        "The compositor takes Noisy Image of view layer {layers}, which is rendered only while Cycles denoises, so it gets nothing: "
+        "press Fix to take Image, which is as noisy now"
+    ),
+    "image_taken": "{count:link} moved from Noisy Image to Image",
     "past_node": (
         "View layer {layers} goes past the Temporal Denoise node, so Composite Denoised leaves it noisy: "
         "press Add Temporal Denoise Node for one behind each Render Layers"

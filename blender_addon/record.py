@@ -34,7 +34,9 @@ class Record:
     def save(self) -> None:
         """Writes it into the scene; nothing where nothing is changed."""
         there = {"vector_layer": self.vector_layer, "values": self.values}
-        self.scene.hush.prepared = json.dumps(there) if self.values or self.vector_layer else ""
+        text = json.dumps(there) if self.values or self.vector_layer else ""
+        if text != self.scene.hush.prepared:
+            self.scene.hush.prepared = text
 
     def owner(self, path: Owner) -> Any:  # noqa: ANN401 (any Blender struct)
         """What a path such as ("view_layers", "ViewLayer", "cycles") names, None where it is gone."""

@@ -58,7 +58,9 @@ def _cycles_problems(scene: bpy.types.Scene) -> Iterator[Problem]:
     elif len(blurred) > 1:
         yield problem("vector_layers", "vector_layers", INFO)
     source = scene.view_layers.get(prepare.vector_layer(scene))
-    if source is not None and scene.render.use_single_layer:
+    if source is None and scene.render.use_single_layer and len(prepare.rendered_layers(scene)) > 1:
+        yield problem("single_layer", "single_layer_of_several", fix_in=name)
+    elif source is not None and scene.render.use_single_layer:
         yield problem("single_layer", "single_layer", fix_in=name, layer=source.name)
     elif source is not None and not (source.use and source.use_pass_vector):
         yield problem("vector_pass", "vector_pass", fix_in=name, layer=source.name)
@@ -122,6 +124,9 @@ def _node_problems(scene: bpy.types.Scene) -> Iterator[Problem]:
         yield problem("node", message, fix_in=scene.name, node=name)
     for name in flow.denoised_again(scene):
         yield problem("denoised_again", "denoised_again", node=name)
+    layers = flow.lost_layers(scene)
+    if layers:
+        yield problem("noisy_image", "noisy_image", fix_in=scene.name, layers=messages.listed(layers))
     layers = flow.past_layers(scene)
     if layers:
         yield problem("past_node", "past_node", layers=messages.listed(layers))

@@ -3,7 +3,7 @@
 """Where the denoised image goes in a compositor: what is denoised once more, and what goes past the nodes of Hush and stays noisy."""
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
 import bpy
 
@@ -11,6 +11,8 @@ from .. import compat, shot
 from . import kinds
 
 _DENOISE, _GROUP = "CompositorNodeDenoise", "CompositorNodeGroup"
+# The outputs of Render Layers that are its image: Cycles' own Denoise leaves the second one as it was rendered.
+IMAGES = ("Image", "Noisy Image")
 # What goes there is looked at only, or was meant to be as it is rendered.
 _ASIDE = {"CompositorNodeViewer", "CompositorNodeOutputFile"}
 _Place = tuple[bpy.types.NodeTree, bpy.types.Node]
@@ -25,7 +27,7 @@ def denoised_again(scene: bpy.types.Scene) -> list[str]:
         if node.bl_idname == _DENOISE and not node.mute:
             # Without a node of Hush everything that is rendered is composited denoised.
             sources = flow.sources(tree, node.inputs[0])
-            if any(_is_ours(given.node) or not are_there and _is_render(place, given, scene) for place, given in sources):
+            if any(_is_ours(given.node) or not are_there and _is_image(place, given, scene, IMAGES[:1]) for place, given in sources):
                 found.add(node.name)
     return sorted(found)
 
@@ -37,11 +39,10 @@ def past(scene: bpy.types.Scene) -> list[_Given]:
     taken = {given for tree, node in ours for _, given in flow.sources(tree, node.inputs[0])}
     found = []
     for tree, node in flow.places:
-        given = node.outputs[0] if node.outputs and not node.mute else None
-        if given is None or given in taken or not _is_render(tree, given, scene):
-            continue
-        if _layer(node, scene) in denoised and any(_counts(link) for link in given.links):
-            found.append((tree, given))
+        images = [given for given in node.outputs if given.enabled and _is_image(tree, given, scene)] if not node.mute else []
+        for given in images:
+            if given not in taken and _layer(node, scene) in denoised and any(_counts(link) for link in given.links):
+                found.append((tree, given))
     return found
 
 
@@ -50,6 +51,30 @@ def past_layers(scene: bpy.types.Scene) -> list[str]:
     if not any(_is_ours(node) for _, node in kinds.reached(scene)):
         return []
     return sorted({_layer(socket.node, scene) for _, socket in past(scene)})
+
+
+def lost(scene: bpy.types.Scene) -> list[_Given]:
+    """The linked sockets for a noisy image that is not rendered, as Cycles' own Denoise is off: what they lead to gets nothing."""
+    outputs = [(tree, given) for tree, node in kinds.reached(scene) if node.bl_idname == kinds.RENDER_LAYERS for given in node.outputs]
+    # Blender finds such a socket by its name no more.
+    gone = [(tree, given) for tree, given in outputs if given.name == IMAGES[1] and not given.enabled]
+    return [(tree, given) for tree, given in gone if given.is_linked and kinds.shows_renders(given.node, scene)]
+
+
+def lost_layers(scene: bpy.types.Scene) -> list[str]:
+    """The view layers of `lost`."""
+    return sorted({_layer(given.node, scene) for _, given in lost(scene)})
+
+
+def take_image(scene: bpy.types.Scene) -> int:
+    """Gives what `lost` leads to the rendered image, which is the noisy one then. Returns how many links were changed."""
+    count = 0
+    for tree, given in lost(scene):
+        own = tree.library is None and tree.override_library is None
+        for target, is_muted in [(link.to_socket, link.is_muted) for link in given.links] if own else ():
+            tree.links.new(given.node.outputs[IMAGES[0]], target).is_muted = is_muted
+            count += 1
+    return count
 
 
 def _layer(node: bpy.types.Node, scene: bpy.types.Scene) -> str:
@@ -61,12 +86,12 @@ def _is_ours(node: bpy.types.Node) -> bool:
     return not node.mute and kinds.of_hush(node) is not None
 
 
-def _is_render(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, scene: bpy.types.Scene) -> bool:
+def _is_image(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, scene: bpy.types.Scene, names: Collection[str] = IMAGES) -> bool:
     """Whether a socket gives the rendered image of a scene."""
     node = socket.node
     if node.bl_idname == kinds.RENDER_LAYERS:
-        return socket.name == "Image" and kinds.shows_renders(node, scene)
-    return node == compat.render_input(tree, scene)
+        return socket.name in names and kinds.shows_renders(node, scene)
+    return node == compat.render_input(tree, scene) and socket == node.outputs[0]
 
 
 def _counts(link: bpy.types.NodeLink) -> bool:

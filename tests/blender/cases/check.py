@@ -307,6 +307,15 @@ def test_a_view_layer_that_was_renamed_since() -> None:
     assert all(words in told for words in ("Beauty", "ViewLayer", "old name")), told
 
 
+def test_one_view_layer_of_several_is_told() -> None:
+    scene, _ = shot_scene("single")
+    scene.render.use_single_layer = True
+    assert "single_layer" not in found(scene), "there is one only"
+    scene.view_layers.new("Second")
+    assert "Render Single Layer" in found(scene)["single_layer"]
+    assert bpy.ops.hush.fix(key="single_layer") == {"FINISHED"} and not scene.render.use_single_layer
+
+
 def test_cameras_that_change_the_output_path() -> None:
     """Blender 5 fills in {camera_name}: with markers the frames of a shot go to several folders."""
     scene, _ = shot_scene("cameras")

@@ -175,6 +175,41 @@ def test_a_denoise_node_behind_it_is_told() -> None:
     assert flow.denoised_again(scene) == []
 
 
+def denoised_in_the_compositor() -> tuple[bpy.types.Scene, bpy.types.Node, bpy.types.Node]:
+    """A scene that is denoised by Cycles and, from its noisy image, in the compositor; its Render Layers and the Denoise node."""
+    scene = kit.build_scene()
+    scene.cycles.use_denoising = True
+    tree, layers, result = composites.tree_of(scene)
+    denoise = tree.nodes.new("CompositorNodeDenoise")
+    tree.links.new(layers.outputs["Noisy Image"], denoise.inputs[0])
+    tree.links.new(denoise.outputs[0], result)
+    return scene, layers, denoise
+
+
+def test_the_noisy_image_is_an_image_too() -> None:
+    """Who denoises in the compositor takes it in place of Image, and Hush's frames went nowhere."""
+    scene, layers, denoise = denoised_in_the_compositor()
+    assert flow.denoised_again(scene) == [], "Hush leaves that pass as it was rendered"
+    assert bpy.ops.hush.add_node() == {"FINISHED"}
+    (added,) = node.nodes(scene)
+    assert added.inputs[0].links[0].from_socket == layers.outputs["Noisy Image"]
+    assert denoise.inputs[0].links[0].from_node == added and flow.denoised_again(scene) == [denoise.name]
+    assert flow.past_layers(scene) == []
+
+
+def test_prepare_shot_leaves_no_compositor_without_its_image() -> None:
+    """With Cycles' denoising off there is no Noisy Image, and whatever took it was white; the fix takes Image."""
+    scene, layers, denoise = denoised_in_the_compositor()
+    assert flow.lost_layers(scene) == []
+    assert bpy.ops.hush.prepare_shot() == {"FINISHED"}
+    (told,) = [problem for problem in check.problems(scene, fresh=True) if problem.key == "noisy_image"]
+    assert "ViewLayer" in told.text and told.fix is not None
+    assert bpy.ops.hush.fix(key="noisy_image") == {"FINISHED"}
+    (link,) = denoise.inputs[0].links
+    assert link.from_socket == layers.outputs["Image"] and flow.lost_layers(scene) == []
+    assert flow.denoised_again(scene) == [denoise.name], "and that is told next"
+
+
 def test_a_denoise_node_inside_a_group_is_told() -> None:
     scene = kit.build_scene()
     tree, layers, result = composites.tree_of(scene)

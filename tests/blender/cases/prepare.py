@@ -89,6 +89,11 @@ def test_it_says_each_change_once() -> None:
     assert (dump(scene), scene.hush.prepared) == again
 
 
+def test_nothing_is_written_where_nothing_is_to_be_changed() -> None:
+    scene = kit.build_scene("plain")
+    assert prepare.apply(scene) == [] and not scene.hush.is_property_set("prepared")
+
+
 def test_undo_is_exact() -> None:
     for blur in (False, True):
         scene = raw_scene(blur=blur)
