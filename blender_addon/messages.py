@@ -148,6 +148,7 @@ TEXTS = {
     "composite_no_layer": (
         "{file} has no view layer {layer}: if it was renamed since it was rendered, give it its old name back, else press Render Animation"
     ),
+    "composite_node_layer": "{file} has no view layer {layer}, nor has the scene: choose another View Layer in the Temporal Denoise node",
     "composite_other_scene": "Scene {scene} is in the composite too: it is rendered again, noisy",
     "composite_layer_off": "View layer {layer} is off for rendering, so it is empty in the composite, as in a render",
     "composite_lost": "The frames do not hold {passes} of view layer {layer}; the composite does without",

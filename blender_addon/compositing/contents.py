@@ -53,6 +53,7 @@ class _Source:
             "size": shot.render_size(self.scene),
             "others": others,
             "light_passes": bool(self.scene.hush.use_light_passes),
+            "layers": [layer.name for layer in self.scene.view_layers],
             "off": [layer.name for layer in self.scene.view_layers if not layer.use],
             "space": compat.file_space(self.scene),
         }

@@ -117,7 +117,9 @@ class Stage:
         except TypeError:
             # Files of a File Output node have no view layers; those of Blender that lack this one cannot stand in for it.
             if _has_named_layers(path):
-                raise FrameError(messages.text("composite_no_layer", file=path.name, layer=feed.layer)) from None
+                is_known = feed.layer in self._work["sources"][feed.source]["layers"]
+                key = "composite_no_layer" if is_known else "composite_node_layer"
+                raise FrameError(messages.text(key, file=path.name, layer=feed.layer)) from None
         there = {output.name: output for output in node.outputs}
         lost = []
         for name, to_node, identifier, muted in feed.targets:

@@ -94,6 +94,16 @@ def test_a_look_at_the_render_is_no_matter() -> None:
     assert flow.past_layers(scene) == []
 
 
+def test_a_node_of_a_view_layer_that_got_another_name() -> None:
+    """Render Layers follows, the node does not: another render would not help."""
+    scene, _ = composites.denoised_scene("other-name", frames=1)
+    assert bpy.ops.hush.add_node() == {"FINISHED"}
+    (added,) = node.nodes(scene)
+    added.node_tree.hush.view_layer = "Old Name"
+    said = composites.refused("Old Name", "choose another View Layer")
+    assert "Render Animation" not in said
+
+
 def test_a_view_layer_that_is_off_is_empty_as_in_a_render() -> None:
     """The whole composite failed, as the files lack it."""
     for with_node in (False, True):
