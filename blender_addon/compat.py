@@ -71,7 +71,9 @@ def ensure_compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree:
             scene.compositor_effects.new(tree.name).node_group = tree
         else:
             scene.compositing_node_group = tree
+        is_new = True
     else:
+        is_new = scene.node_tree is None
         scene.use_nodes = True
         tree = scene.node_tree
     if not tree.nodes:
@@ -80,6 +82,10 @@ def ensure_compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree:
         output = output_node(tree)
         output.location = (400, 0)
         tree.links.new(layers.outputs["Image"], output.inputs[0])
+    rendered = next((layer.name for layer in scene.view_layers if layer.use), None)
+    for layers in tree.nodes if is_new and rendered else ():
+        if layers.bl_idname == "CompositorNodeRLayers":
+            layers.layer = rendered
     return tree
 
 

@@ -5,8 +5,8 @@
 import bpy
 from bpy.props import BoolProperty
 
-from . import compat, messages, refresh
-from .nodes import kinds, node
+from . import compat, messages, refresh, shot
+from .nodes import flow, kinds, node
 
 
 class HUSH_OT_add_node(bpy.types.Operator):
@@ -30,8 +30,7 @@ class HUSH_OT_add_node(bpy.types.Operator):
             self.report({"ERROR"}, messages.text("node_switched_off"))
             return {"CANCELLED"}
         if not self.at_cursor and any(node.nodes(scene)):
-            self.report({"INFO"}, messages.text("node_there"))
-            return {"CANCELLED"}
+            return self._add_to_the_rest(scene)
         tree = _edited(context) if self.at_cursor else _tree_for(scene)
         if tree is None:
             self.report({"ERROR"}, messages.text("node_no_editor"))
@@ -44,6 +43,17 @@ class HUSH_OT_add_node(bpy.types.Operator):
             _add_at_cursor(context, tree)
         elif not insert(tree, scene).outputs[0].is_linked:
             self.report({"WARNING"}, messages.text("node_unlinked"))
+        else:
+            _insert_where_it_goes_past(scene)
+        refresh.request(now=True)
+        return {"FINISHED"}
+
+    def _add_to_the_rest(self, scene: bpy.types.Scene) -> set[str]:
+        count = _insert_where_it_goes_past(scene)
+        if not count:
+            self.report({"INFO"}, messages.text("node_there"))
+            return {"CANCELLED"}
+        self.report({"INFO"}, messages.text("node_added", count=count))
         refresh.request(now=True)
         return {"FINISHED"}
 
@@ -60,33 +70,49 @@ def insert(tree: bpy.types.NodeTree, scene: bpy.types.Scene) -> bpy.types.Node:
 
     Where nothing that is rendered is in the tree it stays without links, but for an output that has none.
     """
-    added = node.new(tree)
     source = _source(tree, scene)
     if source is not None:
-        origin = source.node
-        added.location = (origin.location.x + origin.width + 60, origin.location.y + 120)
-        shown = getattr(origin, "scene", None) or scene
-        if shown != scene:
-            added.node_tree.hush.scene = shown
-        if len(shown.view_layers) > 1:
-            added.node_tree.hush.view_layer = getattr(origin, "layer", shown.view_layers[0].name)
-        targets = [(link.to_socket, link.is_muted) for link in tree.links if link.from_socket == source]
-        tree.links.new(source, added.inputs[0])
-    else:
-        result = compat.output_node(tree).inputs[0]
-        targets = [] if result.is_linked else [(result, False)]
+        return _insert_behind(tree, scene, source)
+    added = node.new(tree)
+    result = compat.output_node(tree).inputs[0]
+    if not result.is_linked:
+        tree.links.new(added.outputs[0], result)
+    return added
+
+
+def _insert_behind(tree: bpy.types.NodeTree, scene: bpy.types.Scene, source: bpy.types.NodeSocket) -> bpy.types.Node:
+    """Adds the node between a socket and whatever takes its image."""
+    added, origin = node.new(tree), source.node
+    added.location = (origin.location.x + origin.width + 60, origin.location.y + 120)
+    shown = getattr(origin, "scene", None) or scene
+    if shown != scene:
+        added.node_tree.hush.scene = shown
+    if len(shown.view_layers) > 1:
+        added.node_tree.hush.view_layer = getattr(origin, "layer", shown.view_layers[0].name)
+    targets = [(link.to_socket, link.is_muted) for link in tree.links if link.from_socket == source]
+    tree.links.new(source, added.inputs[0])
     for target, is_muted in targets:
         tree.links.new(added.outputs[0], target).is_muted = is_muted
     return added
 
 
+def _insert_where_it_goes_past(scene: bpy.types.Scene) -> int:
+    """Adds a node where a view layer that is denoised goes past those that are there, as with several Render Layers. Returns how many."""
+    found = [(tree, source) for tree, source in flow.past(scene) if tree.library is None and tree.override_library is None]
+    for tree, source in found:
+        _insert_behind(tree, scene, source)
+    return len(found)
+
+
 def _source(tree: bpy.types.NodeTree, scene: bpy.types.Scene) -> bpy.types.NodeSocket | None:
-    """Where a tree gets the rendered image from, if it does: this scene's comes first, and one that is used before one that is not."""
-    found = [each.outputs["Image"] for each in tree.nodes if each.bl_idname == kinds.RENDER_LAYERS]
+    """Where a tree gets the rendered image from, if it does: this scene's come first, of view layers that are rendered, and linked ones."""
+    layers = [each for each in tree.nodes if each.bl_idname == kinds.RENDER_LAYERS]
+    found = [each.outputs[name] for name in flow.IMAGES for each in layers if name in each.outputs and each.outputs[name].enabled]
     given = compat.render_input(tree, scene)
     found += [given.outputs[0]] if given is not None else []
     is_other = lambda socket: getattr(socket.node, "scene", None) not in (scene, None)
-    return min(found, key=lambda socket: (is_other(socket), not socket.is_linked), default=None)
+    is_off = lambda socket: not is_other(socket) and getattr(socket.node, "layer", scene.view_layers[0].name) not in shot.layers(scene)
+    return min(found, key=lambda socket: (is_other(socket), is_off(socket), not socket.is_linked), default=None)
 
 
 def _tree_for(scene: bpy.types.Scene) -> bpy.types.NodeTree:

@@ -39,9 +39,22 @@ TEXTS = {
         "where they show different things, neighbours help less"
     ),
     "single_layer": "Render Single Layer is on: view layer {layer} with the vectors is not rendered. Turn it off",
+    "single_layer_of_several": "Render Single Layer is on: of several view layers a window renders the open one only. Turn it off",
     "vector_pass": "View layer {layer} is to give the motion vectors, but does not render them: turn on its Vector pass",
     "vector_blur": "View layer {layer} is to give the motion vectors, but has motion blur: turn off its Motion Blur",
     "format": "The output is {format}: only OpenEXR MultiLayer keeps the passes. Press Prepare Shot",
+    "denoised_again": (
+        "Denoise node {node} in the compositor denoises once more what Hush has denoised, each frame for itself: turn it off (M, Mute)"
+    ),
+    "noisy_image": (
+        "The compositor takes Noisy Image of view layer {layers}, which is rendered only while Cycles denoises, so it gets nothing: "
+        "press Fix to take Image, which is as noisy now"
+    ),
+    "image_taken": "{count:link} moved from Noisy Image to Image",
+    "past_node": (
+        "View layer {layers} goes past the Temporal Denoise node, so Composite Denoised leaves it noisy: "
+        "press Add Temporal Denoise Node for one behind each Render Layers"
+    ),
     "lossy_codec": "The codec {codec} is lossy and blurs the passes: choose ZIP under Output › Codec",
     "half": "The output has 16 bit: very bright pixels and fine steps are lost before denoising. Choose Float (Full) under Output",
     "overwrite_off": "Overwrite is off under Output: frames of an earlier render stay, also where the scene changed",
@@ -64,6 +77,14 @@ TEXTS = {
     ),
     "path": "The output path of the scene cannot be used: {reason}. Change Output › Output Path",
     "path_number": "The output path {path} has no frame number: write # where it belongs in Output › Output Path",
+    "path_camera": (
+        "The output path has {{camera_name}} in it, and markers change the camera: the frames of a shot must lie in one folder, with one "
+        "name. Choose an Output › Output Path without it"
+    ),
+    "path_numbers": (
+        "The name {name} has # in several places, but Hush finds frames only where all # are the frame number's: "
+        "take the others out of {where}, and out of the names of frames that are rendered already"
+    ),
     "same_files": (
         "The scenes {one} and {other} render to the same files, {path}: one takes the other's frames for its own. "
         "Give one of them another Output Path"
@@ -79,7 +100,7 @@ TEXTS = {
     "folder_closed": "Nothing can be written into {folder}: {reason}. Choose another folder {where}",
     "files_unread": "The files of the shot cannot be looked at: {reason}",
     "range_empty": "The frame range of the scene is empty: set its Frame Start and End",
-    "unrendered_all": "The shot is not rendered yet, there are no frames in {folder}: press Render Animation",
+    "unrendered_all": "The shot is not rendered yet, there are no frames {path}: press Render Animation",
     "unrendered": "{frames:frame is} not rendered: press Render Animation",
     "space": "The denoised frames need about {needed}, but {free} are free at {place}: make room or choose another folder",
     "first_frame": "{file} cannot be denoised: {reason}",
@@ -87,9 +108,15 @@ TEXTS = {
         "{file} has {columns} × {rows} pixels, the scene renders {wanted_columns} × {wanted_rows}: it is of an earlier render. "
         "Press Render Animation"
     ),
-    "older_layer": "{file} has no view layer {layers}: it is of an earlier render. Press Render Animation",
+    "older_layer": (
+        "{file} has no view layer {layers}, only {there}: if one was renamed since it was rendered, give it its old name back, "
+        "else press Render Animation"
+    ),
     "older_pass": "{file} lacks {passes} of {layer}, turned on since it was rendered: press Render Animation",
-    "strange_layers": "{file} has no view layer {layers}, only {there}: choose other files under Rendered Frames, or render again",
+    "strange_layers": (
+        "{file} has no view layer {layers}, only {there}: if one was renamed since it was rendered, give it its old name back, "
+        "else choose other files under Rendered Frames, or render again"
+    ),
     "lossy_file": "{file} has lossy compression ({compression}): choose ZIP under Output › Codec and press Render Animation",
     "stale": "{frames:frame is} out of date: {reason}. Press Denoise Shot",
     "frames_are": "{frames:frame is}",
@@ -107,7 +134,8 @@ TEXTS = {
     "composite_missing": "{frames:frame is} not denoised: press Denoise Shot",
     "composite_size": "{frames:frame} cannot be composited: {reason}. Press Render Animation, then Denoise Shot",
     "composite_scene": (
-        "{frames:frame} cannot be composited: {reason}. Give each scene an Output Path of its own, then press Render Animation"
+        "{frames:frame} cannot be composited: {reason}. Give each scene an Output Path of its own, then press Render Animation; "
+        "if it was this one, and was renamed since, give the other scene another name"
     ),
     "composite_damaged": "{frames:frame} cannot be composited: {reason}",
     "composite_failed": "{frames:frame} could not be composited: {reason}",
@@ -117,7 +145,12 @@ TEXTS = {
     "composite_done": "{count:frame} composited in {clock}, in {folder}",
     "composite_some": "{count} of {total:frame} composited",
     "composite_outputs": "File Output node {node} would replace the frames of the shot and was left out",
+    "composite_no_layer": (
+        "{file} has no view layer {layer}: if it was renamed since it was rendered, give it its old name back, else press Render Animation"
+    ),
+    "composite_node_layer": "{file} has no view layer {layer}, nor has the scene: choose another View Layer in the Temporal Denoise node",
     "composite_other_scene": "Scene {scene} is in the composite too: it is rendered again, noisy",
+    "composite_layer_off": "View layer {layer} is off for rendering, so it is empty in the composite, as in a render",
     "composite_lost": "The frames do not hold {passes} of view layer {layer}; the composite does without",
     "composite_scripts": (
         "Python of the file was not run for compositing, so its drivers stood still: "
@@ -145,7 +178,9 @@ TEXTS = {
     "prepared_already": "The shot was prepared already",
     "nothing_prepared": "There is nothing to undo in {scene}: Prepare Shot changed nothing",
     "unprepared": "The settings are as they were before Prepare Shot",
-    "undo_gone": "{name} is gone",
+    "unprepared_else": "All other settings are as they were before Prepare Shot",
+    "undo_gone": "View layer {layer} is gone, or has another name: what Prepare Shot changed in it stays",
+    "undo_layer_gone": "View layer {layer}, which Prepare Shot added, is gone, or has another name: remove it then",
     "undo_by_hand": "{name} was changed since and stays as it is",
     "undo_failed": "{name} could not be put back: {reason}",
     "set_engine": "Render engine: Cycles",
@@ -183,6 +218,7 @@ TEXTS = {
     "frames_to": "To {path}",
     # The node, and why it passes the image through
     "node_there": "The compositor has a Temporal Denoise node already",
+    "node_added": "{count:node} added, one behind each Render Layers of a view layer that is denoised",
     "node_tree_linked": "The compositor nodes are linked from another file: add the node there",
     "node_switched_off": "The compositor has nodes, but is off: turn on Use Nodes or, in Blender 5.3, a scene effect, then add the node",
     "node_unlinked": "The compositor has no Render Layers to put the node behind: it was added without links",
@@ -191,12 +227,13 @@ TEXTS = {
         "The Temporal Denoise node is of an earlier Hush and shows nothing: press Fix to replace it; its links and settings are kept"
     ),
     "node_broken": (
-        "The inside of the node {node} was copied or changed since Hush made it, so it passes the image through: press Fix to make it anew"
+        "The inside of the node {node} was copied, changed, or opened in a newer Blender since Hush made it, so it passes the image "
+        "through: press Fix to make it anew"
     ),
     "node_replaced": "{count:node} made anew",
     "node_off": "The image passes through: {reason}",
     "node_linked": "the node is linked from {file}, and linked nodes show nothing; add one in this file",
-    "node_inside": "the inside of the node was copied or changed since Hush made it; press Check Shot and Fix",
+    "node_inside": "the inside of the node was copied, changed, or opened in a newer Blender since Hush made it; press Check Shot and Fix",
     "node_owners": "the scenes {scenes} use this node and have different frames; choose one as its Scene",
     "node_stereo": "stereo views are put in by Composite Denoised only",
     "node_stretch": "time is stretched, which files of frames cannot follow; set Time Stretching Old and New to the same",
@@ -340,8 +377,8 @@ def of_error(error: object) -> str:
 
 
 def sentence(words: str) -> str:
-    """With a capital, except for λ."""
-    return words[:1].upper() + words[1:] if not words.startswith("λ") else words
+    """With a capital, except for λ and names of files."""
+    return words if words.startswith("λ") or re.match(r"\S+\.exr\b", words, re.IGNORECASE) else words[:1].upper() + words[1:]
 
 
 def ranges(frames: Iterable[int]) -> str:

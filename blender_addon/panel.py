@@ -13,7 +13,7 @@ from .nodes import node
 _STEP_OF = {
     **dict.fromkeys(("frames", "older", "lossy", "first_frame", "render_folder"), 2),
     **dict.fromkeys(("folder", "space", "library", "lambda", "lambda_mask", "stale", "failed"), 3),
-    **dict.fromkeys(("node", "stereo"), 4),
+    **dict.fromkeys(("node", "stereo", "denoised_again", "past_node"), 4),
 }
 
 
@@ -138,7 +138,7 @@ def _draw_composite(layout: bpy.types.UILayout, scene: bpy.types.Scene, state: s
     row.enabled = has_node
     if state and state.stale:
         row.operator("hush.composite_shot", text="", icon="TIME").allow_stale = True
-    if not has_node:
+    if not has_node or _goes_past(scene):
         layout.operator("hush.add_node", icon=node.ICON)
     _draw_reasons(layout, trees, width)
 
@@ -157,6 +157,11 @@ def _step(layout: bpy.types.UILayout, done: bool | None, operator: str, text: st
     for name, value in arguments.items():
         setattr(button, name, value)
     return row
+
+
+def _goes_past(scene: bpy.types.Scene) -> bool:
+    """Whether a view layer goes past the nodes that are there, as of the last look."""
+    return any(problem.key == "past_node" for problem in refresh.problems(scene) or [])
 
 
 def _draw_progress(layout: bpy.types.UILayout, scene: bpy.types.Scene, width: float) -> bool:
@@ -186,7 +191,7 @@ class NODE_PT_hush(bpy.types.Panel):
         refresh.request()
         layout, scene, width = self.layout, context.scene, paragraph.width(context)
         trees = node.trees(scene)
-        if not trees:
+        if not trees or _goes_past(scene):
             layout.operator("hush.add_node", icon=node.ICON)
         for tree in trees:
             _draw_node(layout.box() if len(trees) > 1 else layout, tree, scene, width)

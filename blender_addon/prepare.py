@@ -301,9 +301,10 @@ class HUSH_OT_undo_prepare(SceneOperator, bpy.types.Operator):
         if not scene.hush.prepared:
             self.report({"WARNING"}, messages.text("nothing_prepared", scene=scene.name))
             return {"CANCELLED"}
-        for text in undo(scene):
+        left = undo(scene)
+        for text in left:
             self.report({"WARNING"}, text)
-        self.report({"INFO"}, messages.text("unprepared"))
+        self.report({"INFO"}, messages.text("unprepared_else" if left else "unprepared"))
         return {"FINISHED"}
 
 

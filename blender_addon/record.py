@@ -34,7 +34,9 @@ class Record:
     def save(self) -> None:
         """Writes it into the scene; nothing where nothing is changed."""
         there = {"vector_layer": self.vector_layer, "values": self.values}
-        self.scene.hush.prepared = json.dumps(there) if self.values or self.vector_layer else ""
+        text = json.dumps(there) if self.values or self.vector_layer else ""
+        if text != self.scene.hush.prepared:
+            self.scene.hush.prepared = text
 
     def owner(self, path: Owner) -> Any:  # noqa: ANN401 (any Blender struct)
         """What a path such as ("view_layers", "ViewLayer", "cycles") names, None where it is gone."""
@@ -81,7 +83,7 @@ def undo(scene: bpy.types.Scene) -> list[str]:
     left = _put_back(record, record.values)
     if record.vector_layer and record.vector_layer not in scene.view_layers:
         # Also where it was only renamed, and is another to whoever looks for it by its name.
-        left.append(messages.text("undo_gone", name=f"view_layers › {record.vector_layer}"))
+        left.append(messages.text("undo_layer_gone", layer=record.vector_layer))
     _remove_layer(scene, record.vector_layer)
     scene.hush.prepared = ""
     return left
@@ -95,15 +97,22 @@ def _put_back(record: Record, values: list[list[Any]]) -> list[str]:
         path, name, before, _ = entry
         owner = record.owner(tuple(path))
         if owner is None:
-            left.append(messages.text("undo_gone", name=" › ".join(path)))
+            # Only view layers come and go.
+            left.append(messages.text("undo_gone", layer=path[1]))
         elif entry in by_hand:
-            left.append(messages.text("undo_by_hand", name=" › ".join((*path, name))))
+            left.append(messages.text("undo_by_hand", name=_label(owner, path, name)))
         else:
             try:
                 setattr(owner, name, before)
             except (TypeError, AttributeError) as error:
-                left.append(messages.text("undo_failed", name=name, reason=error))
-    return left
+                left.append(messages.text("undo_failed", name=_label(owner, path, name), reason=error))
+    return list(dict.fromkeys(left))
+
+
+def _label(owner: bpy.types.bpy_struct, path: list[str], name: str) -> str:
+    """What Blender calls a property, with its view layer."""
+    label = owner.bl_rna.properties[name].name
+    return f"View layer {path[1]} › {label}" if path[:1] == ["view_layers"] else label
 
 
 def _remove_layer(scene: bpy.types.Scene, name: str | None) -> None:

@@ -53,10 +53,11 @@ def frame_pattern(scene: bpy.types.Scene, view: str | None = None) -> Path:
     rendered = _render_pattern(scene, view)
     folder = scene.hush.input_folder.strip()
     if not folder:
-        return rendered
+        return _with_one_number(rendered, "Output › Output Path")
     given = _absolute(scene, folder)
-    if "#" in given.name:
-        return given
+    # A folder may have # in its name, too.
+    if "#" in given.name and not os.path.isdir(given):
+        return _with_one_number(given, "Rendered Frames")
     found = _patterns_in(given)
     if rendered.name in found or not found:
         return given / rendered.name
@@ -108,6 +109,21 @@ def frame_range(scene: bpy.types.Scene) -> range:
     return range(scene.frame_start, scene.frame_end + 1, max(1, scene.frame_step))
 
 
+def has_camera(scene: bpy.types.Scene) -> bool:
+    """Whether a scene can be rendered: it has an active camera, or a marker gives it one."""
+    return scene.camera is not None or any(marker.camera for marker in scene.timeline_markers)
+
+
+def changes_camera(scene: bpy.types.Scene) -> bool:
+    """Whether markers give the frames of the range several cameras."""
+    bound = sorted((marker.frame, marker.camera.name_full) for marker in scene.timeline_markers if marker.camera)
+    # What is bound before the first frame holds there, the last of it.
+    first = [camera for frame, camera in bound if frame <= scene.frame_start][-1:]
+    later = [camera for frame, camera in bound if scene.frame_start < frame <= scene.frame_end]
+    before = first or ([scene.camera.name_full] if scene.camera else [])
+    return len({*before, *later}) > 1
+
+
 def vector_layer(scene: bpy.types.Scene) -> str | None:
     """The view layer that the motion vectors are taken from, None for each layer's own."""
     name = scene.hush.vector_layer or _prepared_vector_layer(scene)
@@ -143,7 +159,10 @@ def settings(scene: bpy.types.Scene, file: Path | None) -> tuple[dict[str, Any],
     vectors = vector_layer(scene)
     names = [name for name in layers(scene) if not _VECTOR_LAYER.fullmatch(name)]
     there, strange = _layers_of(file), []
-    if there:
+    if there == [""]:
+        # A File Output node knows no view layers.
+        names, vectors = [], None
+    elif there:
         spare = [name for name in there if _VECTOR_LAYER.fullmatch(name)]
         strange = [name for name in (*names, vectors) if name and name not in there]
         names = [name for name in names if name in there]
@@ -187,7 +206,7 @@ def stamp(file: Path | None) -> tuple[int, int] | None:
 
 
 def _layers_of(file: Path | None) -> list[str]:
-    """The view layers in a file; none where it has no names for them, or cannot be read."""
+    """The view layers in a file, one without a name where it has no names for them; none where it cannot be read."""
     try:
         import hush
     except ImportError:
@@ -199,7 +218,8 @@ def _layers_of(file: Path | None) -> list[str]:
         about = hush.inspect(str(file))
     except (OSError, ValueError, hush.HushError):
         return []
-    names = [layer["name"] for layer in about.get("layout", about).get("layers", ()) if layer["name"]]
+    found = [layer["name"] for layer in about.get("layout", about).get("layers", ())]
+    names = [name for name in found if name] or found[:1]
     _layers[file] = stamp, names
     return names
 
@@ -308,6 +328,13 @@ def _render_pattern(scene: bpy.types.Scene, view: str) -> Path:
     path = Path(one[: end - max(width, 5)] + "#" * width + one[end:])
     # Also after the output was set to another format for the finished film, the frames are EXR files.
     return path.with_suffix(".exr") if render.use_file_extension else path
+
+
+def _with_one_number(pattern: Path, where: str) -> Path:
+    """The pattern, unless other # of its name are the name's own; the library cannot tell them from the frame number's."""
+    if len(re.findall(r"#+", pattern.name)) > 1:
+        raise Refusal(messages.text("path_numbers", name=pattern.name, where=where))
+    return pattern
 
 
 def _beside_film(scene: bpy.types.Scene, film: Path, width: int) -> Path:

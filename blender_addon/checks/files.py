@@ -40,7 +40,7 @@ def file_problems(scene: bpy.types.Scene, patterns: list[Path], output: Path, fr
     if not frames:
         yield problem("frames", "range_empty", ERROR)
     elif not present:
-        yield problem("frames", "unrendered_all", INFO, folder=patterns[0].parent)
+        yield problem("frames", "unrendered_all", INFO, path=patterns[0])
     elif missing:
         yield problem("frames", "unrendered", frames=missing)
     if present:
@@ -139,8 +139,9 @@ def _older_layout(scene: bpy.types.Scene, file: Path, passes: dict[str, set[str]
     if scene.render.engine != "CYCLES" or set(passes) <= {""}:
         return
     gone = [name for name in (*shot.layers(scene), shot.vector_layer(scene) or "") if name and name not in passes]
+    there = sorted(filter(None, passes))
     if gone:
-        yield problem("older", "older_layer", file=file.name, layers=messages.listed(gone))
+        yield problem("older", "older_layer", file=file.name, layers=messages.listed(gone), there=messages.listed(there))
     for name in shot.layers(scene):
         layer = scene.view_layers[name]
         wanted = {"Denoising Albedo": layer.cycles.denoising_store_passes, "Vector": layer.use_pass_vector, "Depth": layer.use_pass_z}

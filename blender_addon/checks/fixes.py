@@ -7,7 +7,7 @@ from bpy.props import StringProperty
 
 from .. import messages, prepare, refresh
 from ..messages import Refusal
-from ..nodes import node
+from ..nodes import flow, node
 from ..scene_operator import SceneOperator
 
 
@@ -29,6 +29,9 @@ class HUSH_OT_fix(SceneOperator, bpy.types.Operator):
             return bpy.ops.wm.save_as_mainfile("INVOKE_DEFAULT") and {"FINISHED"}
         if self.key == "node":
             changes = _mend_nodes(scene)
+        elif self.key == "noisy_image":
+            count = flow.take_image(scene)
+            changes = [messages.text("image_taken", count=count)] if count else []
         elif self.key in prepare.STEPS:
             try:
                 changes = prepare.apply(scene, (self.key,))

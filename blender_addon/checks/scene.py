@@ -8,7 +8,7 @@ import bpy
 
 from .. import compat, messages, prepare, shot
 from ..messages import Refusal
-from ..nodes import node
+from ..nodes import flow, node
 from ..settings import SETTINGS
 from .problem import ERROR, INFO, Problem, problem
 
@@ -20,7 +20,7 @@ def scene_problems(scene: bpy.types.Scene) -> Iterator[Problem]:
         yield problem("linked", "linked", ERROR, file=scene.library.filepath)
     if render.engine != "CYCLES":
         yield problem("engine", "engine", ERROR, fix_in=name, engine=render.engine)
-    if scene.camera is None and not any(marker.camera for marker in scene.timeline_markers):
+    if not shot.has_camera(scene):
         if any(thing.type == "CAMERA" for thing in scene.objects):
             yield problem("camera", "camera_inactive", ERROR, fix_in=name)
         else:
@@ -58,7 +58,9 @@ def _cycles_problems(scene: bpy.types.Scene) -> Iterator[Problem]:
     elif len(blurred) > 1:
         yield problem("vector_layers", "vector_layers", INFO)
     source = scene.view_layers.get(prepare.vector_layer(scene))
-    if source is not None and scene.render.use_single_layer:
+    if source is None and scene.render.use_single_layer and len(prepare.rendered_layers(scene)) > 1:
+        yield problem("single_layer", "single_layer_of_several", fix_in=name)
+    elif source is not None and scene.render.use_single_layer:
         yield problem("single_layer", "single_layer", fix_in=name, layer=source.name)
     elif source is not None and not (source.use and source.use_pass_vector):
         yield problem("vector_pass", "vector_pass", fix_in=name, layer=source.name)
@@ -78,6 +80,8 @@ def _output_problems(scene: bpy.types.Scene) -> Iterator[Problem]:
             yield problem("format", "half", fix_in=name)
         if prepare.lacks_extension(scene):
             yield problem("file_extension", "file_extension", ERROR, fix_in=name)
+        if compat.TEMPLATES and "{camera_name}" in render.filepath and shot.changes_camera(scene):
+            yield problem("path", "path_camera", ERROR)
     if not render.use_overwrite:
         yield problem("overwrite", "overwrite_off", INFO, fix_in=name)
     if render.use_placeholder:
@@ -118,6 +122,14 @@ def _lambda_mask_problems(scene: bpy.types.Scene) -> Iterator[Problem]:
 def _node_problems(scene: bpy.types.Scene) -> Iterator[Problem]:
     for message, name in node.faults(scene):
         yield problem("node", message, fix_in=scene.name, node=name)
+    for name in flow.denoised_again(scene):
+        yield problem("denoised_again", "denoised_again", node=name)
+    layers = flow.lost_layers(scene)
+    if layers:
+        yield problem("noisy_image", "noisy_image", fix_in=scene.name, layers=messages.listed(layers))
+    layers = flow.past_layers(scene)
+    if layers:
+        yield problem("past_node", "past_node", layers=messages.listed(layers))
 
 
 def _problems_with_others(scene: bpy.types.Scene) -> Iterator[Problem]:
@@ -131,8 +143,7 @@ def _problems_with_others(scene: bpy.types.Scene) -> Iterator[Problem]:
 
 def _rendered_files(scene: bpy.types.Scene) -> set[str]:
     """The patterns that a scene's frames are rendered to; none where it renders nothing itself."""
-    has_camera = scene.camera is not None or any(marker.camera for marker in scene.timeline_markers)
-    if scene.hush.input_folder or not has_camera or scene.render.image_settings.file_format != "OPEN_EXR_MULTILAYER":
+    if scene.hush.input_folder or not shot.has_camera(scene) or scene.render.image_settings.file_format != "OPEN_EXR_MULTILAYER":
         return set()
     try:
         return {str(pattern) for pattern in shot.frame_patterns(scene)}

@@ -17,6 +17,7 @@ from bpy.props import BoolProperty
 
 from .. import exr, messages, refresh
 from ..jobs import background, job
+from ..nodes import flow
 from . import contents
 from .verdicts import in_words
 
@@ -80,7 +81,11 @@ def start(scene: bpy.types.Scene, *, allow_stale: bool = False) -> CompositeJob:
     command = _command(scene, scripts=scripts)
     what.work |= {"module": "compositing.run", "path": _import_path(), "scripts": scripts}
     blend = contents.save_copy(scene, scripts=scripts)
-    return job.start(lambda: CompositeJob(scene.name, what, blend, command))
+    made = job.start(lambda: CompositeJob(scene.name, what, blend, command))
+    made.warnings += [messages.text("denoised_again", node=name) for name in flow.denoised_again(scene)]
+    layers = flow.past_layers(scene)
+    made.warnings += [messages.text("past_node", layers=messages.listed(layers))] if layers else []
+    return made
 
 
 def outcome(done: CompositeJob) -> tuple[str, list[tuple[str, str]]]:

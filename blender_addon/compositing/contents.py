@@ -44,13 +44,17 @@ class _Source:
         return [(each, self.output / each.name) for each in rendered]
 
     def work(self) -> dict[str, Any]:
-        # A linked scene may have the same name, which is all that a file says.
-        others = sorted({scene.name for scene in bpy.data.scenes} - {self.scene.name})
+        # A linked scene may have the same name, which is all that a file says. One without a camera, as a new one that got the name
+        # this one had before, rendered nothing.
+        others = sorted({scene.name for scene in bpy.data.scenes if shot.has_camera(scene)} - {self.scene.name})
         return {
             "scene": self.scene.name_full,
             "views": self.views,
             "size": shot.render_size(self.scene),
             "others": others,
+            "light_passes": bool(self.scene.hush.use_light_passes),
+            "layers": [layer.name for layer in self.scene.view_layers],
+            "off": [layer.name for layer in self.scene.view_layers if not layer.use],
             "space": compat.file_space(self.scene),
         }
 

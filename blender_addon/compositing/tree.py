@@ -16,6 +16,8 @@ from .render_input import RenderInput
 
 _FILE_OUTPUT = "CompositorNodeOutputFile"
 _IMAGE_NAMES = ("Combined", "Image")
+# The outputs of Render Layers that a node of Hush is for; all others are passes.
+_OF_IMAGE = {"Image", "Alpha"}
 
 
 class FrameError(Exception):
@@ -115,7 +117,9 @@ class Stage:
         except TypeError:
             # Files of a File Output node have no view layers; those of Blender that lack this one cannot stand in for it.
             if _has_named_layers(path):
-                raise FrameError(f"{path.name} has no view layer {feed.layer}") from None
+                is_known = feed.layer in self._work["sources"][feed.source]["layers"]
+                key = "composite_no_layer" if is_known else "composite_node_layer"
+                raise FrameError(messages.text(key, file=path.name, layer=feed.layer)) from None
         there = {output.name: output for output in node.outputs}
         lost = []
         for name, to_node, identifier, muted in feed.targets:
@@ -168,14 +172,15 @@ class Stage:
             if found is not None and not each.mute:
                 shown = self._work["nodes"].get(kinds.key(tree, each))
                 if shown is not None:
-                    self._replace(tree, each, shown["source"], shown["layer"], denoised=True)
+                    self._feed_from(tree, each, shown["source"], shown["layer"], denoised=True)
         for each in list(tree.nodes):
             if each.bl_idname == kinds.RENDER_LAYERS:
                 self._replace_layers(tree, each)
             elif each.bl_idname == kinds.CRYPTOMATTE and each.source == "RENDER":
-                source = self._source_of(each.scene)
-                if source is not None:
-                    layer = each.layer_name
+                source, layer = self._source_of(each.scene), each.layer_name
+                if source is not None and layer.rpartition(".")[0] in self._work["sources"][source]["off"]:
+                    self._leave_empty(tree, each)
+                elif source is not None:
                     each.source = "IMAGE"
                     self._mattes.append((each, source, layer))
             elif each.bl_idname == _FILE_OUTPUT:
@@ -197,24 +202,42 @@ class Stage:
 
     def _replace_layers(self, tree: bpy.types.NodeTree, layers: bpy.types.Node) -> None:
         source = self._source_of(layers.scene)
-        if source is None:
+        if source is None and not any(output.is_linked for output in layers.outputs):
+            # As where a node of Hush took its image, in a tree that scenes share: Blender would render that scene for nothing.
+            tree.nodes.remove(layers)
+        elif source is None:
             self._tell("composite_other_scene", scene=layers.scene.name)
         elif layers.mute:
             tree.nodes.remove(layers)
         else:
-            self._replace(tree, layers, source, layers.layer, denoised=False)
+            self._feed_from(tree, layers, source, layers.layer, denoised=False)
+
+    def _feed_from(self, tree: bpy.types.NodeTree, old: bpy.types.Node, source: int, layer: str, *, denoised: bool) -> None:
+        if layer in self._work["sources"][source]["off"]:
+            self._tell("composite_layer_off", layer=layer)
+            self._leave_empty(tree, old)
+        else:
+            self._replace(tree, old, source, layer, denoised=denoised)
+
+    def _leave_empty(self, tree: bpy.types.NodeTree, old: bpy.types.Node) -> None:
+        """Puts black without alpha in place of a node, as Blender does where a view layer is not rendered."""
+        nothing = tree.nodes.new("CompositorNodeRGB").outputs[0]
+        nothing.default_value = (0, 0, 0, 0)
+        for target, is_muted in [(link.to_socket, link.is_muted) for output in old.outputs for link in output.links]:
+            tree.links.new(nothing, target).is_muted = is_muted
+        tree.nodes.remove(old)
 
     def _replace(self, tree: bpy.types.NodeTree, old: bpy.types.Node, source: int, layer: str, *, denoised: bool) -> None:
-        """Puts an Image node in place of another, socket by socket."""
-        feed = _Feed(tree, tree.nodes.new("CompositorNodeImage"), source, layer, denoised)
+        """Puts Image nodes in place of another, socket by socket: one, or one for the image and one for light passes that are denoised."""
+        targets: dict[bool, list[tuple[str, str, str, bool]]] = {}
         for output in old.outputs:
+            shows_denoised = denoised or (self._work["sources"][source]["light_passes"] and output.name not in _OF_IMAGE)
             for link in output.links:
-                feed.targets.append((output.name, link.to_node.name, link.to_socket.identifier, link.is_muted))
+                target = (output.name, link.to_node.name, link.to_socket.identifier, link.is_muted)
+                targets.setdefault(shows_denoised, []).append(target)
         tree.nodes.remove(old)
-        if feed.targets:
-            self._feeds.append(feed)
-        else:
-            tree.nodes.remove(feed.node)
+        for shows_denoised, found in targets.items():
+            self._feeds.append(_Feed(tree, tree.nodes.new("CompositorNodeImage"), source, layer, shows_denoised, found))
 
     def _replace_render_input(self) -> RenderInput:
         """Gives the first tree the image of a file, where Blender gives it the render."""

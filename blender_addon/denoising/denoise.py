@@ -34,11 +34,14 @@ def runs(scene: bpy.types.Scene, source: str = "", target: str = "", *, overwrit
         Refusal: The scene's settings or the paths cannot be used.
     """
     if not source:
-        serious = [problem for problem in check.problems(scene, fresh=True) if problem.level == check.ERROR]
+        found = check.problems(scene, fresh=True)
         for key in ("linked", "engine", "save", "path", "layers", "folder", "library"):
-            for problem in serious:
-                if problem.key == key and not (key == "folder" and target):
+            for problem in found:
+                if problem.level == check.ERROR and problem.key == key and not (key == "folder" and target):
                     raise Refusal(problem.text)
+        if not any(shot.example(pattern) for pattern in shot.frame_patterns(scene)):
+            # What is to be set before rendering comes first.
+            raise Refusal(". ".join(problem.text for key in ("format", "frames") for problem in found if problem.key == key))
     sequences = _named(source) if source else [(pattern, list(shot.frame_range(scene))) for pattern in shot.frame_patterns(scene)]
     output = _folder(target) if target else _folder_of(sequences[0][0]) / "denoised" if source else shot.output_folder(scene)
     for inputs, _ in sequences:

@@ -113,6 +113,8 @@ class HUSH_OT_whole_shot(background.JobOperator, bpy.types.Operator):
     _before: dict[int, list[tuple[int, int] | None]]
     _runs: list[tuple[int, int]]
     _render: Rendering | None = None
+    # Which scene it is, also after it was renamed meanwhile.
+    _uid = 0
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Does all of it and returns when it is done; for scripts."""
@@ -141,7 +143,7 @@ class HUSH_OT_whole_shot(background.JobOperator, bpy.types.Operator):
         scene = self._prepare(context)
         if scene is None:
             return {"CANCELLED"}
-        self.scene = scene.name
+        self.scene, self._uid = scene.name, scene.session_uid
         self._go_on(context)
         return {"RUNNING_MODAL"}
 
@@ -185,7 +187,7 @@ class HUSH_OT_whole_shot(background.JobOperator, bpy.types.Operator):
         stopped = rendered is not None and rendered.stopped
         if rendered is not None:
             rendered.end()
-        scene = bpy.data.scenes.get(self.scene)
+        scene = next((each for each in bpy.data.scenes if each.session_uid == self._uid), None)
         try:
             if scene is None:
                 raise Refusal(messages.text("whole_gone", name=self.scene))

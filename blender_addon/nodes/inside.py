@@ -10,6 +10,7 @@ without Hush and without the permission to run scripts, so every other frame pas
 written from a render's own thread; what Blender renders is read from it anew.
 """
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -171,11 +172,6 @@ def forget() -> None:
     _read.clear()
 
 
-def path_of(image: bpy.types.Image) -> Path:
-    """Where an image's file is."""
-    return Path(bpy.path.abspath(image.filepath, library=image.library))
-
-
 def _own_image(tree: bpy.types.NodeTree) -> bpy.types.Image | None:
     """A tree's image; none where it is that of an earlier tree, whose frames it would show, as after the tree was copied."""
     image = getattr(tree.nodes.get(FRAME), "image", None)
@@ -199,7 +195,7 @@ def _load(image: bpy.types.Image, picture: Picture) -> None:
     _unpack(image)
     image.source = "FILE"
     compat.use_space(image, picture.space)
-    if path_of(image) == picture.path:
+    if _is_at(image, picture.path):
         image.reload()
         return
     path = str(picture.path)
@@ -212,7 +208,12 @@ def _load(image: bpy.types.Image, picture: Picture) -> None:
 
 def _is_of(image: bpy.types.Image, path: Path) -> bool:
     """Whether an image's pixels are those of a file, and not of a copy in the open file, as after Pack Resources."""
-    return image.source == "FILE" and image.packed_file is None and path_of(image) == path
+    return image.source == "FILE" and image.packed_file is None and _is_at(image, path)
+
+
+def _is_at(image: bpy.types.Image, path: Path) -> bool:
+    """Whether an image's file is this one; a path beside the .blend may lead out of its folder, by `..`."""
+    return os.path.normpath(bpy.path.abspath(image.filepath, library=image.library)) == os.path.normpath(path)
 
 
 def _unpack(image: bpy.types.Image) -> None:

@@ -299,6 +299,42 @@ def test_frames_out_of_date_are_listed_with_their_reasons() -> None:
     assert found(scene)["stale"] == "Frames 1-5 are out of date: λ Noise to Keep changed. Press Denoise Shot"
 
 
+def test_a_view_layer_that_was_renamed_since() -> None:
+    """The advice was to render the whole shot again."""
+    scene, _ = shot_scene("renamed")
+    scene.view_layers[0].name = "Beauty"
+    told = found(scene)["older"]
+    assert all(words in told for words in ("Beauty", "ViewLayer", "old name")), told
+
+
+def test_one_view_layer_of_several_is_told() -> None:
+    scene, _ = shot_scene("single")
+    scene.render.use_single_layer = True
+    assert "single_layer" not in found(scene), "there is one only"
+    scene.view_layers.new("Second")
+    assert "Render Single Layer" in found(scene)["single_layer"]
+    assert bpy.ops.hush.fix(key="single_layer") == {"FINISHED"} and not scene.render.use_single_layer
+
+
+def test_cameras_that_change_the_output_path() -> None:
+    """Blender 5 fills in {camera_name}: with markers the frames of a shot go to several folders."""
+    scene, _ = shot_scene("cameras")
+    second = scene.camera.copy()
+    scene.collection.objects.link(second)
+    scene.timeline_markers.new("one", frame=1).camera = scene.camera
+    later = scene.timeline_markers.new("two", frame=3)
+    later.camera = second
+    assert kit.module("shot").changes_camera(scene)
+    if bpy.app.version >= (5, 0):
+        folder = kit.folder("cameras-out")
+        scene.render.filepath = str(folder / "{camera_name}" / "frame_####")
+        assert "markers" in found(scene)["path"]
+        kit.refused(bpy.ops.hush.whole_shot, "{camera_name}")
+        assert kit.files(folder) == [], "nothing is rendered"
+    later.frame = scene.frame_end + 1
+    assert not kit.module("shot").changes_camera(scene) and "path" not in found(scene)
+
+
 def test_a_missing_folder_is_told_in_words() -> None:
     scene, frames = shot_scene()
     scene.hush.input_folder = str(frames / "not" / "there")

@@ -110,6 +110,17 @@ def test_two_scenes_with_one_output_path() -> None:
     assert untouched(scene="Scene") == {"FINISHED"}
 
 
+def test_a_new_scene_that_got_the_old_name() -> None:
+    """Without a camera it rendered nothing: the frames are the renamed scene's."""
+    scene, folder = denoised_scene("old-name", frames=1)
+    tree_of(scene, node=True)
+    scene.name = "Shot"
+    other = bpy.data.scenes.new("Scene")
+    assert untouched() == {"FINISHED"}
+    other.camera = scene.camera
+    refused("was rendered by scene Scene", "another name")
+
+
 def test_a_node_may_show_another_scene() -> None:
     scene, folder = denoised_scene("shown", frames=2)
     other = bpy.data.scenes.new("Comp")

@@ -164,6 +164,8 @@ def test_scenes_that_cannot_be() -> None:
     refused("no scene Nowhere", scene="Nowhere")
     scene.render.filepath = str(kit.folder("empty") / "frame_####")
     refused("frame_####.exr")
+    kit.module("compat").use_image_format(scene.render.image_settings, "PNG")
+    refused("The output is PNG: only OpenEXR MultiLayer keeps the passes. Press Prepare Shot. The shot is not rendered yet")
     assert kit.files(frames) == NAMES
 
 

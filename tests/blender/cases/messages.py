@@ -30,6 +30,11 @@ def test_lists_are_sentences() -> None:
     assert made == ["", "Denoising Data", "Denoising Data and Vector", "Denoising Data, Vector and Depth"]
 
 
+def test_sentences_begin_with_a_capital_but_for_names() -> None:
+    assert messages.sentence("the frames") == "The frames" and messages.sentence("λ has a driver").startswith("λ")
+    assert messages.sentence("frame_0001.exr has no view layer") == "frame_0001.exr has no view layer"
+
+
 def test_fields_are_named() -> None:
     for key, text in every_text().items():
         for _, field, _, conversion in string.Formatter().parse(text):

@@ -126,6 +126,23 @@ def test_nothing_is_written_where_nothing_changed() -> None:
         module._set_chosen, module._load = before
 
 
+def test_nor_where_the_frames_lie_outside_of_the_folder_of_the_file() -> None:
+    """As with //../render: the file was read again, and all composited again, at every look."""
+    shot, scene, tree = prepared("outside")
+    bpy.ops.wm.save_as_mainfile(filepath=str(kit.folder("outside-file") / "shot.blend"))
+    scene.hush.input_folder = f"//../{shot.name}"
+    frames.assert_same(frames.shown(scene, 2), frames.denoised(shot, 2), "outside")
+    image = tree.nodes[kit.module("nodes.inside").FRAME].image
+    assert image.filepath.startswith("//.."), image.filepath
+    module, told = kit.module("nodes.inside"), []
+    before, module._load = module._load, lambda *_: told.append("load")
+    try:
+        kit.module("nodes.node").sync(scene)
+    finally:
+        module._load = before
+    assert told == [] and kit.module("nodes.node").is_on(tree)
+
+
 def test_the_driver_needs_no_permission() -> None:
     """Its expression is one that Blender evaluates without running scripts."""
     _, _, tree = prepared("driver", [])

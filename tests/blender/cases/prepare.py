@@ -89,6 +89,11 @@ def test_it_says_each_change_once() -> None:
     assert (dump(scene), scene.hush.prepared) == again
 
 
+def test_nothing_is_written_where_nothing_is_to_be_changed() -> None:
+    scene = kit.build_scene("plain")
+    assert prepare.apply(scene) == [] and not scene.hush.is_property_set("prepared")
+
+
 def test_undo_is_exact() -> None:
     for blur in (False, True):
         scene = raw_scene(blur=blur)
@@ -124,6 +129,19 @@ def test_undo_leaves_what_was_changed_by_hand_since() -> None:
     assert scene.cycles.samples == 77
     assert scene.render.image_settings.file_format == "PNG"
     assert scene.render.image_settings.exr_codec == "PIZ"
+
+
+def test_what_undo_leaves_is_told_in_the_words_of_blender() -> None:
+    scene = raw_scene()
+    kit.module("compat").use_multilayer(scene.render.image_settings)
+    scene.render.image_settings.exr_codec = "DWAA"
+    bpy.ops.hush.prepare_shot()
+    scene.render.image_settings.exr_codec = "PIZ"
+    name = scene.view_layers[0].name
+    scene.view_layers[0].name = "Beauty"
+    told = kit.module("record").undo(scene)
+    assert len(told) == 2 and any("Codec" in text for text in told) and any(name in text and "name" in text for text in told), told
+    assert not any("_" in text or "›" in text for text in told), f"names of Blender's Python: {told}"
 
 
 def test_lossless_settings_stay() -> None:

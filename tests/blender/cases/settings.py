@@ -53,6 +53,32 @@ def test_a_folder_of_frames_may_be_named() -> None:
     assert shot.frame_pattern(scene) == folder / "note_#.exr"
 
 
+def test_folders_may_have_hashes_in_their_names() -> None:
+    shot, scene = kit.module("shot"), kit.build_scene()
+    folder = kit.folder("takes") / "Take #3"
+    folder.mkdir()
+    (folder / "frame_0001.exr").write_bytes(b"x")
+    scene.hush.input_folder = str(folder)
+    assert shot.frame_pattern(scene) == folder / "frame_####.exr"
+    scene.hush.input_folder = ""
+    scene.render.filepath = str(folder / "other_##")
+    assert shot.frame_pattern(scene) == folder / "other_##.exr"
+
+
+def test_hashes_that_are_not_the_frame_numbers_are_told() -> None:
+    """Blender takes the last ones; the library wants them once, and said so in words of the command line."""
+    shot, scene, refusal = kit.module("shot"), kit.build_scene(), kit.module("messages").Refusal
+    for field, where in (("filepath", "Output Path"), ("input_folder", "Rendered Frames")):
+        setattr(scene.render if field == "filepath" else scene.hush, field, "/tmp/shot#1_####.exr")
+        try:
+            shot.frame_pattern(scene)
+        except refusal as error:
+            assert "shot#1_####.exr" in str(error) and where in str(error), error
+        else:
+            raise AssertionError(f"{field} should be refused")
+        scene.render.filepath = "/tmp/shot_####"
+
+
 def test_lambda_keys_reach_every_frame() -> None:
     shot, scene = kit.module("shot"), kit.build_scene()
     scene.hush.lam = 3.0

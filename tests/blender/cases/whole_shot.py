@@ -110,7 +110,14 @@ def test_in_a_window() -> None:
     scene, folder = scene_of_three("window")
     window = windows.Window()
     fake = window.operator(whole_shot.HUSH_OT_whole_shot, render_again=False)
-    real, rendering._render_in_window = rendering._render_in_window, lambda arguments: bpy.ops.render.render(**arguments)
+    real = rendering._render_in_window
+
+    def render(arguments: dict[str, object]) -> set[str]:
+        result = bpy.ops.render.render(**arguments)
+        scene.name = "Renamed while it was rendered"
+        return result
+
+    rendering._render_in_window = render
     try:
         with windows.foreground(whole_shot):
             assert fake.invoke(window, None) == {"RUNNING_MODAL"}
