@@ -34,7 +34,8 @@
 //! Data flows one way: `io` → `frame` → `tiles` → `network` → `kernels` → `io`; [`engine`] runs that chain over a window of frames.
 //! Programs to begin with stand in the folder `examples`.
 
-#![warn(missing_docs, missing_debug_implementations, clippy::undocumented_unsafe_blocks)]
+#![warn(missing_docs, clippy::undocumented_unsafe_blocks)]
+#![cfg_attr(not(feature = "internals"), warn(missing_debug_implementations))]
 
 #[doc(hidden)]
 pub mod cli;
