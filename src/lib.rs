@@ -4,8 +4,8 @@
 //! Asymmetric Loss Functions". This is the crate behind the program `hush`, the Python module and the Blender extension.
 //!
 //! ```
+//! use hush::ndarray::Array3;
 //! use hush::{Engine, Frame, Settings};
-//! use ndarray::Array3;
 //!
 //! // (rows, columns, channels) of linear light.
 //! let noisy = Array3::from_shape_fn((32, 48, 3), |(y, x, c)| ((y * 7 + x * 5 + c) % 9) as f32 * 0.1);
@@ -34,7 +34,8 @@
 //! Data flows one way: `io` → `frame` → `tiles` → `network` → `kernels` → `io`; [`engine`] runs that chain over a window of frames.
 //! Programs to begin with stand in the folder `examples`.
 
-#![warn(missing_docs)]
+#![warn(missing_docs, clippy::undocumented_unsafe_blocks)]
+#![cfg_attr(not(feature = "internals"), warn(missing_debug_implementations))]
 
 #[doc(hidden)]
 pub mod cli;
@@ -64,6 +65,8 @@ mod words;
 pub use engine::{Denoised, Denoiser, EncodedFrame, Engine, FirstPass, Settings};
 pub use error::{Error, Result};
 pub use frame::{Aov, Dial, Frame, FrameView, LambdaMap, LambdaMask, OwnedDial};
+/// The arrays that images are given and come back in, in the version that they must have.
+pub use ndarray;
 
 /// What only this project's own tests and benches use; it may change at any time.
 #[cfg(feature = "internals")]

@@ -8,6 +8,7 @@ use serde::Serialize;
 /// A stage of the work on one frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Stage {
     /// Sanitising a frame and computing its features, once a frame.
     Encode,

@@ -2,6 +2,7 @@
 
 use std::borrow::Borrow;
 use std::collections::VecDeque;
+use std::fmt;
 
 use super::{Denoised, EncodedFrame, Engine, FirstPass, SILENT};
 use crate::error::Result;
@@ -13,6 +14,9 @@ use crate::rules::window::check_window;
 /// A frame comes back once as many frames as the window is wide follow it, twice as many with a [second
 /// pass](Engine::has_second_pass) over time. `E` is an [`Engine`] or a reference to one, `T` whatever shall come back with a frame.
 /// The results have the same bits as those of [`shot::run`](crate::shot::run()) over files of the same frames.
+///
+/// Each frame is taken for the one after the last, whose motion vectors lead to it. Where one is missing, as after a push that was
+/// refused, or where the picture cuts, [`flush`](Self::flush) first: else vectors lead to the wrong places.
 ///
 /// ```
 /// use hush::{Denoiser, Engine, Frame, Settings};
@@ -40,6 +44,12 @@ pub struct Denoiser<E, T> {
     done: usize,
     /// Those at the front whose first pass is done.
     passed: usize,
+}
+
+impl<E: fmt::Debug, T> fmt::Debug for Denoiser<E, T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Denoiser").field("engine", &self.engine).field("window", &self.window).finish_non_exhaustive()
+    }
 }
 
 struct Slot<T> {

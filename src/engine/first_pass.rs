@@ -1,6 +1,7 @@
 //! A frame after the first pass, as it is kept for the second pass of the frames around it.
 
 use std::borrow::Cow;
+use std::fmt;
 use std::sync::Arc;
 
 use ndarray::{Array3, Axis, concatenate, s};
@@ -31,6 +32,13 @@ pub struct FirstPass {
     pub(super) offsets: Vec<i32>,
     /// [half-resolution row][neighbour][[`SEEN`]][column].
     pub(super) seen: Vec<f32>,
+}
+
+impl fmt::Debug for FirstPass {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let size = (self.rows, self.columns);
+        f.debug_struct("FirstPass").field("size", &size).field("neighbours", &self.offsets).finish_non_exhaustive()
+    }
 }
 
 impl FirstPass {

@@ -1,5 +1,6 @@
 //! The denoiser on frames in memory: encode each frame once, denoise it with the encoded frames around it.
 
+use std::fmt;
 use std::sync::OnceLock;
 
 use clock::Clock;
@@ -46,6 +47,13 @@ pub struct EncodedFrame {
     features: Features,
 }
 
+impl fmt::Debug for EncodedFrame {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let size = (self.packed.rows, self.packed.columns);
+        f.debug_struct("EncodedFrame").field("size", &size).field("exposure", &self.packed.exposure).finish_non_exhaustive()
+    }
+}
+
 impl EncodedFrame {
     /// Bytes that this frame holds.
     pub fn bytes(&self) -> usize {
@@ -55,6 +63,11 @@ impl EncodedFrame {
     /// Which pixels have another λ, where the frame came with a mask.
     pub fn lambda_mask(&self) -> Option<&LambdaMask> {
         self.packed.lambda_mask.as_ref()
+    }
+
+    /// Whether the frame came with an alpha.
+    pub fn has_alpha(&self) -> bool {
+        self.packed.has_alpha
     }
 
     /// Whether the frame came with motion vectors.
@@ -103,6 +116,12 @@ pub struct Engine {
     clock: Clock,
 }
 
+impl fmt::Debug for Engine {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Engine").field("identity", &self.identity).field("isa", &self.isa).finish_non_exhaustive()
+    }
+}
+
 /// Whether this process was forked from one that made an engine: it has rayon's pool of all cores, but not that pool's threads.
 fn is_forked() -> bool {
     static FIRST: OnceLock<u32> = OnceLock::new();
@@ -124,6 +143,15 @@ impl Engine {
     }
 
     /// An engine with the weights of a safetensors file.
+    ///
+    /// # Errors
+    /// [`Error::Io`] where it cannot be read; [`Error::BadModel`] where it holds no sound weights; as [`from_weights`](Self::from_weights).
+    ///
+    /// ```
+    /// # use hush::{Engine, Error, Settings};
+    /// let error = Engine::from_file("no-such.safetensors".as_ref(), Settings::default()).unwrap_err();
+    /// assert!(matches!(error, Error::Io { .. }));
+    /// ```
     pub fn from_file(path: &std::path::Path, settings: Settings) -> Result<Self> {
         Self::from_weights(&Weights::from_file(path)?, settings)
     }
@@ -197,8 +225,8 @@ impl Engine {
     /// can then be averaged: [`first_pass`](Self::first_pass) and [`second_pass`](Self::second_pass).
     ///
     /// `neighbours` are (offset, frame) with offset −3…3 except 0, in any order; a neighbour farther than one frame needs those
-    /// between, to chain motion vectors through, and is left out without them, as is one of another size or with other AOVs.
-    /// `lambda` is in 1…64, greater is clamped, less or NaN refused; or a [`LambdaMap`](crate::LambdaMap) of `centre`'s size. Frames
+    /// between, to chain motion vectors through, and is left out without them, as is one of another size, with other AOVs, or with an
+    /// alpha or an albedo where `centre` has none, or the other way round. `lambda` is in 1…64, greater is clamped, less or NaN refused; or a [`LambdaMap`](crate::LambdaMap) of `centre`'s size. Frames
     /// encoded for a network of another width are refused.
     ///
     /// ```

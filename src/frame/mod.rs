@@ -28,15 +28,17 @@ pub struct Aov {
 pub struct Frame {
     /// Noisy beauty, (rows, columns, 3), scene-linear; NaN, Inf and negative values are sanitised by the engine.
     pub colour: Array3<f32>,
-    /// Alpha, (rows, columns), only where it is not 1 everywhere.
+    /// Alpha, (rows, columns), 0…1, by which the beauty is premultiplied. None is 1 everywhere, in less memory; a frame that has none does
+    /// not help one that has, nor is it helped by it.
     pub alpha: Option<Array2<f32>>,
-    /// Denoising Albedo, (rows, columns, 3).
+    /// Denoising Albedo, (rows, columns, 3); more than 1 counts as 1.
     pub albedo: Option<Array3<f32>>,
-    /// Denoising Normal, camera space, (rows, columns, 3).
+    /// Denoising Normal, camera space, −1…1, (rows, columns, 3).
     pub normal: Option<Array3<f32>>,
-    /// Denoising Depth (background 0, in Blender 5.2 far beyond 1e9) or Depth (background 1e10), (rows, columns).
+    /// Denoising Depth or Depth, (rows, columns), in any unit: 0 and 1e9 or more are background.
     pub depth: Option<Array2<f32>>,
-    /// Cycles' Vector pass X, Y, Z, W in pixels, y up, (rows, columns, 4).
+    /// Cycles' Vector pass, (rows, columns, 4), in pixels, y up. X, Y: a point's place in the frame before minus its place here; Z, W: its
+    /// place here minus its place in the next frame.
     pub vector: Option<Array3<f32>>,
     /// Light passes that are denoised with the same kernels.
     pub aovs: Vec<Aov>,

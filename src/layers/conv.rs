@@ -33,6 +33,12 @@ pub struct Conv {
     outputs: usize,
 }
 
+impl std::fmt::Debug for Conv {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Conv {}→{} {}×{}/{}", self.inputs, self.outputs, self.kernel, self.kernel, self.stride)
+    }
+}
+
 impl Conv {
     /// Packs `weight` (co, ci, k, k), k = 1 or 3, and `bias` (co; none is zero). `stride` is 1 or 2.
     ///

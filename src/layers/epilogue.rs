@@ -3,7 +3,7 @@
 use super::activation::Activation;
 
 /// What is done to the input as it is read and to the output before it is written.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Epilogue<'a> {
     /// ReLU on the input as it is read.
     pub relu_input: bool,

@@ -5,7 +5,7 @@ use crate::memory::Buffer;
 use crate::simd::{LANES, Simd};
 
 /// One of the inputs whose channels are joined.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub struct Source<'a> {
     /// The image.
     pub activation: &'a Activation,

@@ -48,6 +48,12 @@ pub struct Winograd {
     outputs: usize,
 }
 
+impl std::fmt::Debug for Winograd {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Winograd {}→{}", self.inputs, self.outputs)
+    }
+}
+
 impl Winograd {
     /// Transforms `weight` (co, ci, 3, 3); `bias` (co).
     ///

@@ -231,6 +231,7 @@ impl Weights {
     }
 
     /// A convolution's weights (outputs, inputs, size, size) and bias (outputs), or no bias where `biased` is false.
+    #[doc(hidden)]
     pub fn conv(
         &self,
         key: &str,
@@ -246,24 +247,28 @@ impl Weights {
     }
 
     /// A 1×1 layer.
+    #[doc(hidden)]
     pub fn dense(&self, key: &str, outputs: usize, inputs: usize, biased: bool) -> Result<Dense> {
         let (weight, bias) = self.conv(key, outputs, inputs, 1, biased)?;
         Ok(Dense::new(weight.slice(s![.., .., 0, 0]), bias.as_ref().map(|b| b.view())))
     }
 
     /// A 3×3 convolution with bias, ready to run at `stride` 1 or 2.
+    #[doc(hidden)]
     pub fn layer(&self, key: &str, outputs: usize, inputs: usize, stride: usize) -> Result<Conv> {
         let (weight, bias) = self.conv(key, outputs, inputs, 3, true)?;
         Ok(Conv::new(weight.view(), bias.as_ref().map(|b| b.view()), stride))
     }
 
     /// A 3×3 convolution with bias, done after Winograd.
+    #[doc(hidden)]
     pub fn winograd(&self, key: &str, outputs: usize, inputs: usize) -> Result<Winograd> {
         let (weight, bias) = self.conv(key, outputs, inputs, 3, true)?;
         Ok(Winograd::new(weight.view(), bias.unwrap_or_else(|| Array1::zeros(outputs)).view()))
     }
 
     /// A fully connected layer's weights (outputs, inputs) and bias (outputs).
+    #[doc(hidden)]
     pub fn linear(&self, key: &str, outputs: usize, inputs: usize) -> Result<(ndarray::Array2<f32>, Array1<f32>)> {
         let weight = self.take(&format!("{key}.weight"), &[outputs, inputs])?;
         let weight = weight.into_dimensionality().map_err(|e| bad(&self.name, format!("{key}: {e}")))?;

@@ -12,6 +12,7 @@ use crate::metrics::sample::sample;
 pub const MOST_CHANGE: f64 = 0.25;
 
 /// A frame against the last one, seen from here.
+#[derive(Debug)]
 pub struct Flicker {
     /// The last frame along the motion, (rows, columns, 3), linear; NaN where nothing comes from it.
     pub previous: Array3<f32>,

@@ -33,6 +33,7 @@ pub struct Request {
 }
 
 /// A frame by several settings.
+#[derive(Debug)]
 pub struct Preview {
     /// The sequence, such as `frame_####.exr`.
     pub sequence: String,
@@ -51,6 +52,7 @@ pub struct Preview {
 }
 
 /// One view layer or stereo view.
+#[derive(Debug)]
 pub struct LayerPreview {
     /// View layer, and stereo view where there are several.
     pub name: String,
@@ -65,6 +67,7 @@ pub struct LayerPreview {
 }
 
 /// The frame by one combination of settings.
+#[derive(Debug)]
 pub struct Variant {
     /// 1…64.
     pub lambda: f32,

@@ -219,7 +219,8 @@ impl Denoiser {
     ///         denoiser's.
     ///     tag: Anything; it comes back with the result.
     ///
-    /// float32 arrays are read where they lie and not kept; float16 and float64 are converted.
+    /// float32 arrays are read where they lie and not kept; float16 and float64 are converted. The frame is taken for the one after the
+    /// last: where one is missing, as after a push that was refused, call `flush` first, as at a cut.
     ///
     /// Returns:
     ///     The frames that are ready now, in order: none while the window fills, one afterwards.

@@ -9,6 +9,7 @@ use crate::words;
 /// What a warning is about; the names are stable (`missing_frames`, `no_vector`, …).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum WarningKind {
     /// Frames of the range have no file.
     MissingFrames,

@@ -10,6 +10,7 @@ use crate::error::Error;
 /// A rule by which work is left out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Rule {
     /// Blocks where every pixel that could be averaged, in all frames of the window, lies within 2⁻¹² of the others relative to
     /// them: background, flat and converged parts. They keep their own rendered pixels, within half a float16 step of what would

@@ -14,6 +14,7 @@ pub const LAMBDA_RANGE: (f32, f32) = (1.0, 64.0);
 /// Why a frame of the window is not used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Unused {
     /// The shot starts or ends before it.
     EndOfShot,

@@ -14,6 +14,7 @@ use crate::error::{Error, Result};
 /// Where a value came from.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "source", rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Origin {
     /// Nothing was said.
     Default,

@@ -128,6 +128,7 @@ settings! {
 /// A pass that guides the denoiser.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Guide {
     /// Denoising Albedo.
     Albedo,

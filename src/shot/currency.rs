@@ -18,6 +18,7 @@ use crate::rules::window::{Availability, Unused, neighbours};
 /// What is not as it was when a frame was denoised.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum StaleKind {
     /// More than one setting.
     Several,

@@ -13,6 +13,7 @@ use crate::rules::checks::Header;
 use crate::rules::window::Availability;
 
 /// A readable file of the sequence.
+#[derive(Debug)]
 pub(super) struct InputFile {
     pub path: PathBuf,
     pub layout: Arc<Layout>,

@@ -23,7 +23,7 @@ use crate::rules::window::{Unused, WindowFrame};
 use crate::words;
 
 /// The plan of a run.
-#[derive(Serialize)]
+#[derive(Debug, Serialize)]
 pub struct Plan {
     /// The settings of every frame, but for λ, which is the first frame's.
     pub settings: FrameSettings,

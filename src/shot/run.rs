@@ -1,6 +1,7 @@
 //! The run over a shot: a decoder thread ahead, the engine here, a writer thread behind, a window of encoded frames between.
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, SyncSender, channel, sync_channel};
 use std::thread;
@@ -223,6 +224,12 @@ impl Run<'_> {
     fn has_stopped(&mut self, written: &Receiver<Written>) -> bool {
         written.try_iter().for_each(|w| self.settle(w));
         self.summary.stopped.is_some()
+    }
+}
+
+impl fmt::Debug for Runner<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Runner").field("engine", self.engine).finish_non_exhaustive()
     }
 }
 

@@ -13,6 +13,7 @@ use crate::rules::window::{Availability, DEFAULT_WINDOW, check_window, neighbour
 use crate::words;
 
 /// A shot whose headers were read.
+#[derive(Debug)]
 pub struct Scope {
     /// The sequence's name, such as `frame_####.exr`.
     pub name: String,

@@ -9,6 +9,7 @@ use crate::error::Error;
 use crate::rules::window::Availability;
 
 /// The files of the range and around it, by frame number.
+#[derive(Debug)]
 pub(super) struct Sources {
     /// The first and the last frame of the shot.
     ends: Option<(i64, i64)>,

@@ -10,6 +10,7 @@ macro_rules! back_ends {
     ($($(#[$doc:meta])+ $variant:ident = $name:literal: $token:path, $cfg:meta;)+) => {
         /// An instruction set, from the slowest to the fastest.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        #[non_exhaustive]
         pub enum Isa {
             $($(#[$doc])+ $variant,)+
         }

@@ -27,6 +27,8 @@ pub struct Look {
     pub origin: (i32, i32),
     /// A shader AOV `Hush Lambda`, by row and column.
     pub mask: Option<fn(usize, usize) -> f32>,
+    /// Combined's alpha, by row and column.
+    pub alpha: Option<fn(usize, usize) -> f32>,
 }
 
 impl Look {
@@ -41,6 +43,7 @@ impl Look {
         layers: &["ViewLayer"],
         origin: (0, 0),
         mask: None,
+        alpha: None,
     };
 }
 
@@ -80,6 +83,9 @@ pub fn write_frame(path: &Path, number: i64, look: Look) {
             add(&format!("Denoising Normal.{c}"), vec![v; size]);
         }
         add("Denoising Depth.Z", vec![3.0; size]);
+        if let Some(alpha) = look.alpha {
+            add("Combined.A", plane(look, alpha));
+        }
         if let Some(mask) = look.mask {
             add("Hush Lambda.X", plane(look, mask));
         }

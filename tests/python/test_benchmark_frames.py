@@ -47,6 +47,7 @@ def test_one_pass_has_no_halves(tmp_path: Path) -> None:
     shot(tmp_path, "interior", {1: [1, 2], 2: [2]}, {4: [1, 2]})
     take = frames.takes(tmp_path, ["interior"], [4])[0]
     assert numbers(take.reference) == [1, 2] and [numbers(half) for half in take.halves] == [[2], [2]]
+    assert take.passes_a_frame == "1 to 2", "the report says where frames have fewer"
 
 
 def test_a_new_pass_is_taken_in(tmp_path: Path) -> None:
@@ -56,7 +57,7 @@ def test_a_new_pass_is_taken_in(tmp_path: Path) -> None:
     later = frame(take.reference, 1).stat().st_mtime + 5
     os.utime(frame(tmp_path / "interior" / "pass3", 1), (later, later))
     frames.takes(tmp_path, ["interior"], [4])
-    assert value(frame(take.halves[0], 1)) == (2 + 8) / 2
+    assert value(frame(take.halves[0], 1)) == (2 + 8) / 2 and take.passes_a_frame == "3"
 
 
 def test_references_of_another_cache_take_the_place_of_its_own(tmp_path: Path) -> None:

@@ -190,6 +190,18 @@ def test_the_first_shots_have_tables_of_their_own_once_there_are_others() -> Non
     assert "| a; over OIDN" not in text
 
 
+def test_the_ratios_of_each_shot_stand_there_with_and_without_the_ends() -> None:
+    inner = results()
+    inner["b", 32]["window2"] = scores(0.1) | {"flip": [0.08] * FRAMES}
+    text = tables.report(results(), inner, ["a"])
+    ends, whole = (part.splitlines() for part in text.split("\n\n") if "window ±2 FLIP" in part)
+    assert "frames with a whole window" in whole[0] and "whole window" not in ends[0]
+    titles = ["a, 4 spp", "a, 32 spp", "b, 4 spp", "b, 32 spp", "a", "b", "a, b", "a"]
+    assert [row.split(" | ")[0].removeprefix("| ") for row in whole[2:]] == titles
+    assert whole[5].endswith("| 0.80 | 1.00 | 1.00 ± 0.00 |") and ends[5].endswith("| 1.00 | 1.00 | 1.00 ± 0.00 |")
+    assert ends[8].startswith("| a, b | 1.00 | 0.80 ± 0.00 | 0.40 ± 0.00 |"), "of the means over all"
+
+
 def test_a_curve_that_falls_is_not_called_monotone() -> None:
     assert tables.monotone([0.1, 0.1, 0.3])
     assert not tables.monotone([0.1, 0.3, 0.29])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import struct
 from pathlib import Path
 from typing import Any
@@ -93,6 +94,17 @@ def test_the_tensors_have_the_shapes_that_the_architecture_says(header: dict[str
     for part, folder in folders.items():
         blocks = {name.removeprefix(f"{folder}.").split(".")[0] for name in found if name.startswith(f"{folder}.")}
         assert len(blocks) == a[f"blocks_{part}"], part
+
+
+def test_the_documented_architecture_is_that_of_the_program(header: dict[str, Any], record: dict[str, Any]) -> None:
+    page = (ROOT / "training" / "README.md").read_text()
+    rows = re.findall(r"^\| (\w+) \| ([\d.]+) \| ([\d.]+) \|", page, re.MULTILINE)
+    assert {name: float(value) for name, _, value in rows} == record["architecture"]
+    fields = re.findall(r"^    (\w+): (?:int|float) = ([\d.]+)$", (ROOT / "training" / "network" / "model.py").read_text(), re.MULTILINE)
+    assert {name: value for name, value, _ in rows} == dict(fields)
+    sizes = {name: math.prod(about["shape"]) for name, about in tensors(header).items()}
+    others = sum(size for name, size in sizes.items() if name.startswith("encoders."))
+    assert f"{sum(sizes.values()) - others:,} in the program, beside {others:,} of Mitsuba's encoder" in page
 
 
 def test_the_file_holds_its_tensors_and_nothing_else(header: dict[str, Any]) -> None:

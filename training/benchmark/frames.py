@@ -55,6 +55,12 @@ class Take:
         folder = (self.references or self.cache) / self.shot
         return sorted(folder.glob("pass[0-9]*"), key=lambda folder: int(folder.name.removeprefix("pass")))
 
+    @property
+    def passes_a_frame(self) -> str:
+        """How many passes each frame of the reference is the mean of: `2`, or `1 to 2` where some have fewer."""
+        counts = [sum(frame(folder, n).exists() for folder in self.passes) for n in numbers(self.reference)]
+        return " to ".join(map(str, sorted({min(counts), max(counts)})))
+
     def average(self) -> None:
         """Writes the reference's frames, the means of the passes that have them, and those of its halves where there are two passes."""
         for number in sorted({n for folder in self.passes for n in numbers(folder)}):

@@ -116,7 +116,7 @@ def about(measured: list[Take], shots: Sequence[str], with_peer: bool = True) ->
     parts = []
     for take in {take.shot: take for take in measured}.values():
         brightness = f", brightness from {take.most_samples.spp} spp" if with_peer else ""
-        parts.append(f"{take.shot} {len(numbers(take.reference))} frames, {len(take.passes)} passes{brightness}")
+        parts.append(f"{take.shot} {len(numbers(take.reference))} frames, {take.passes_a_frame} passes{brightness}")
     missing = [shot for shot in shots if shot not in {take.shot for take in measured}]
     left_out = f" Not measured: {', '.join(missing)}." if missing else ""
     said = f"References: {'; '.join(parts)}.{left_out}"

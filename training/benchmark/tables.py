@@ -53,6 +53,8 @@ TARGETS = (
     Target("window2", "smape", 1.0, every_shot=True),
     Target("window2", "unbiased_relmse", 1.0, every_shot=True),
 )
+# Beside the targets: FLIP, which neither Hush nor OIDN is trained on, and the flicker of a frame alone.
+BESIDE = (Target("window2", "flip", 1.0), Target("window0", "flip", 1.0), Target("window0", "unbiased_flicker", 1.0))
 
 
 def mean(values: Iterable[float | None]) -> float | None:
@@ -183,13 +185,14 @@ def target_table(results: Results, shots: Sequence[str], spp: Sequence[int], whi
     return table([f"{', '.join(shots)}{which}; {OVER}", *(f"{n} spp" for n in spp), "all", "target"], rows)
 
 
-def shot_ratio_table(results: Results, shots: Sequence[str], spp: Sequence[int]) -> str:
-    """The same ratios shot by shot."""
-    targets = [target for target in TARGETS if not target.every_shot]
-    head = [OVER, *(f"{METHODS[t.method].removeprefix('Hush, ')} {METRICS[t.metric]}" for t in targets)]
-    takes = [(shot, n) for shot in shots for n in spp if (shot, n) in results]
-    rows = [[f"{shot}, {n} spp", *(ratio_cell(results, target, [shot], [n])[1] for target in targets)] for shot, n in takes]
-    return table(head, rows)
+def shot_ratio_table(results: Results, groups: Sequence[Sequence[str]], spp: Sequence[int], which: str = "") -> str:
+    """The same ratios, and those of `BESIDE`, shot by shot; below them of the means over all samples of each shot and each group, of
+    which the first has all shots."""
+    targets = [*(target for target in TARGETS if not target.every_shot), *BESIDE]
+    head = [f"{OVER}{which}", *(f"{METHODS[t.method].removeprefix('Hush, ')} {METRICS[t.metric]}" for t in targets)]
+    takes = [(f"{shot}, {n} spp", [shot], [n]) for shot in groups[0] for n in spp if (shot, n) in results]
+    takes += [(", ".join(group), group, spp) for group in (*([shot] for shot in groups[0]), *groups)] if len(spp) > 1 else []
+    return table(head, [[name, *(ratio_cell(results, target, *take)[1] for target in targets)] for name, *take in takes])
 
 
 def monotone(values: Sequence[float | None]) -> bool:
@@ -217,7 +220,7 @@ def report(results: Results, mid_shot: Results, first_shots: Sequence[str], rati
     groups = [shots] + ([first] if first and len(first) < len(shots) else [])
     parts = [target_table(results, group, spp) for group in groups]
     parts += [target_table(mid_shot, group, spp, ", frames with a whole window") for group in groups]
-    parts.append(shot_ratio_table(results, shots, spp))
+    parts += [shot_ratio_table(results, groups, spp), shot_ratio_table(mid_shot, groups, spp, ", frames with a whole window")]
     if ratios_only:
         return "\n\n".join(parts)
     for group in groups:
