@@ -5,6 +5,7 @@ mod engine_support;
 use std::sync::LazyLock;
 
 use engine_support::*;
+use hush::engine::Skip;
 use hush::{Denoised, Engine, Error, Frame, Settings};
 use ndarray::{Array2, Array3};
 use proptest::prelude::*;
@@ -264,4 +265,30 @@ fn a_neighbour_with_an_albedo_is_left_out_where_the_frame_has_none_and_the_other
     assert_eq!(of([false, true, false], 1), of([true, true, true], 0));
     assert_eq!(of([true, false, true], 1), of([false, false, false], 0));
     assert_eq!(of([true, true, false], 1), bits(&engine.denoise(&all[1], &[(-1, &all[0])], 1.0).unwrap()));
+}
+
+#[test]
+fn a_frame_without_alpha_is_one_with_an_alpha_of_1() {
+    for (parts, skip) in [(0, Skip::NONE), (1, Skip::default()), (2, Skip::NONE), (3, Skip::NONE), (5, Skip::default())] {
+        let engine = small_skipping(skip);
+        // Film that only one of three frames is seen through.
+        let frames = |seen_through: usize, opaque: Option<f32>| {
+            let frame = |k: usize| {
+                let mut frame = guided(31 + k as u64, 24, 40);
+                split(&mut frame, 31 + k as u64, parts);
+                frame.alpha = opaque.map(|a| Array2::from_elem((24, 40), a));
+                if k == seen_through {
+                    frame.alpha = Some(Array2::from_shape_fn((24, 40), |(y, x)| random(5, y, x, 0)));
+                }
+                frame
+            };
+            encode(&engine, (0..3).map(frame))
+        };
+        for seen_through in 0..3 {
+            let made = denoise(&engine, &frames(seen_through, None), 1, 1, 1.0);
+            assert_eq!(bits(&made), bits(&denoise(&engine, &frames(seen_through, Some(1.0)), 1, 1, 1.0)), "{parts} light passes");
+            assert_ne!(made.colour, denoise(&engine, &frames(seen_through, None), 1, 0, 1.0).colour, "neighbours help");
+        }
+        assert!(denoise(&engine, &frames(3, None), 1, 1, 1.0).alpha.is_none());
+    }
 }

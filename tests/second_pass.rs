@@ -14,7 +14,7 @@ use hush::preview::{Request, preview};
 use hush::settings::{Guide, Lambda};
 use hush::shot::{CancelToken, FrameState, Job, Scope, SequenceCheck, StaleKind, Status};
 use hush::{Denoised, EncodedFrame, Engine, FirstPass, Frame, Settings};
-use ndarray::Array3;
+use ndarray::{Array2, Array3};
 
 /// A shot with an engine whose weights have a second pass.
 fn shot(numbers: std::ops::RangeInclusive<i64>) -> Shot {
@@ -291,4 +291,23 @@ fn the_result_is_an_average_of_rendered_pixels() {
         let (low, high) = firsts.iter().map(|f| f.colour[[y, x, c]]).fold((f32::MAX, f32::MIN), |(l, h), v| (l.min(v), h.max(v)));
         assert!((low - 1e-5..=high + 1e-5).contains(value), "{value} is not in {low}…{high}");
     }
+}
+
+#[test]
+fn a_frame_without_alpha_is_one_with_an_alpha_of_1() {
+    let engine = small();
+    let frames = |opaque: Option<f32>| {
+        let frame = |t: u64| {
+            let mut frame = full(t, 24, 40);
+            if t < 4 {
+                frame.alpha = opaque.map(|a| Array2::from_elem((24, 40), a));
+            }
+            frame
+        };
+        encode(&engine, (0..5).map(frame))
+    };
+    let of = |frames: &[EncodedFrame], centre| bits(&second(&engine, &passes(&engine, frames, 1), centre, 1));
+    let (without, with) = (frames(None), frames(Some(1.0)));
+    // Frame 3 sees through the last one in its first pass, frame 2 in its second only.
+    (2..=4).for_each(|centre| assert!(of(&without, centre) == of(&with, centre), "{centre}"));
 }

@@ -1,5 +1,7 @@
 //! From a frame's passes to what the engine keeps of it in the window.
 
+use std::sync::Arc;
+
 use super::{EncodedFrame, Engine, Scales, Stage};
 use crate::error::{Error, Result};
 use crate::frame::packed::{GuideViews, PackedFrame};
@@ -63,7 +65,7 @@ impl Engine {
         Ok(EncodedFrame {
             ranges: self.in_pool(|| Ranges::new(&packed)),
             packed,
-            features: Features::new(0, 0, 0, &self.buffers),
+            features: Arc::new(Features::new(0, 0, 0, &self.buffers)),
         })
     }
 
@@ -81,7 +83,7 @@ impl Engine {
     fn finish_encoding(&self, packed: PackedFrame, guides: &GuideViews) -> EncodedFrame {
         self.in_pool(|| {
             let features = self.encoder.run(self.isa, &packed, guides, &self.buffers);
-            EncodedFrame { ranges: Ranges::new(&packed), packed, features }
+            EncodedFrame { ranges: Ranges::new(&packed), packed, features: Arc::new(features) }
         })
     }
 }

@@ -95,10 +95,9 @@ impl FirstPass {
         4 * (self.image.len() + self.seen.len()) + self.vectors.as_ref().map_or(0, |vectors| 16 * vectors.len())
     }
 
-    /// Whether another one's pixels are of the same kind.
+    /// Whether another one's pixels are of the same kind, but for alpha.
     pub(super) fn fits(&self, other: &Self) -> bool {
-        let form = |f: &Self| (f.rows, f.columns, f.has_alpha);
-        form(self) == form(other) && self.aov_names == other.aov_names
+        (self.rows, self.columns, &self.aov_names) == (other.rows, other.columns, &other.aov_names)
     }
 
     /// The image, with an alpha of 1 where `alpha` is wanted of a frame whose own was not filtered.

@@ -1,7 +1,7 @@
 //! The denoiser on frames in memory: encode each frame once, denoise it with the encoded frames around it.
 
 use std::fmt;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use clock::Clock;
 pub use clock::{STAGES, Stage};
@@ -44,7 +44,7 @@ pub struct Footprint {
 pub struct EncodedFrame {
     packed: PackedFrame,
     ranges: Ranges,
-    features: Features,
+    features: Arc<Features>,
 }
 
 impl fmt::Debug for EncodedFrame {
@@ -226,7 +226,8 @@ impl Engine {
     ///
     /// `neighbours` are (offset, frame) with offset −3…3 except 0, in any order; a neighbour farther than one frame needs those
     /// between, to chain motion vectors through, and is left out without them, as is one of another size, with other AOVs, or with an
-    /// alpha or an albedo where `centre` has none, or the other way round. `lambda` is in 1…64, greater is clamped, less or NaN refused; or a [`LambdaMap`](crate::LambdaMap) of `centre`'s size. Frames
+    /// albedo where `centre` has none, or the other way round. Where one frame has an alpha, those without have 1 all over, and so has the
+    /// result one. `lambda` is in 1…64, greater is clamped, less or NaN refused; or a [`LambdaMap`](crate::LambdaMap) of `centre`'s size. Frames
     /// encoded for a network of another width are refused.
     ///
     /// ```
@@ -258,8 +259,10 @@ impl Engine {
         listener: Listener<'_>,
     ) -> Result<(Denoised, LeftOut)> {
         let dial = self.checked(lambda.into(), centre, neighbours)?;
+        let stand_ins = self.stand_ins(centre, neighbours);
+        let (centre, neighbours) = stand_ins.window(centre, neighbours);
         Ok(self.in_pool(|| {
-            let (first, left_out) = self.run(&self.work(centre, neighbours, skip), dial, listener);
+            let (first, left_out) = self.run(&self.work(centre, &neighbours, skip), dial, listener);
             (self.clock.time(Stage::Unpack, || first.denoised()), left_out)
         }))
     }
@@ -277,7 +280,9 @@ impl Engine {
         listener: Listener<'_>,
     ) -> Result<(FirstPass, LeftOut)> {
         let dial = self.checked(lambda.into(), centre, neighbours)?;
-        Ok(self.in_pool(|| self.run(&self.then_second(self.work(centre, neighbours, self.settings.skip)), dial, listener)))
+        let stand_ins = self.stand_ins(centre, neighbours);
+        let (centre, neighbours) = stand_ins.window(centre, neighbours);
+        Ok(self.in_pool(|| self.run(&self.then_second(self.work(centre, &neighbours, self.settings.skip)), dial, listener)))
     }
 
     /// The dial in its range, for frames that this engine encoded.
@@ -295,8 +300,10 @@ impl Engine {
     /// What `skip` leaves out of `centre`; arguments as for [`denoise`](Self::denoise), and frames that were only
     /// [looked at](Self::look) do. A neighbour counts as untrusted if no pixel of the whole frame may use it.
     pub fn left_out(&self, centre: &EncodedFrame, neighbours: &[(i32, &EncodedFrame)], skip: Skip) -> LeftOut {
+        let stand_ins = self.stand_ins(centre, neighbours);
+        let (centre, neighbours) = stand_ins.window(centre, neighbours);
         self.in_pool(|| {
-            let work = self.work(centre, neighbours, skip);
+            let work = self.work(centre, &neighbours, skip);
             let used = |path: &Path| {
                 let frames: Vec<&PackedFrame> = path.frames.iter().map(|f| &f.packed).collect();
                 !skip.untrusted || any_trusted(&frames, (path.offset, path.is_still()))
@@ -307,7 +314,9 @@ impl Engine {
 
     /// What denoising `centre` holds in memory besides the images; arguments as for [`denoise`](Self::denoise).
     pub fn footprint(&self, centre: &EncodedFrame, neighbours: &[(i32, &EncodedFrame)]) -> Footprint {
-        let work = self.work(centre, neighbours, self.settings.skip);
+        let stand_ins = self.stand_ins(centre, neighbours);
+        let (centre, neighbours) = stand_ins.window(centre, neighbours);
+        let work = self.work(centre, &neighbours, self.settings.skip);
         let area = self.tiles(&work).0.iter().map(|t| t.region.area()).max().unwrap_or(0);
         Footprint { window: work.window_bytes(), tile: area * self.bytes_per_pixel(&work.channels, work.paths.len()) }
     }
@@ -359,6 +368,7 @@ mod paths;
 pub(crate) mod probe;
 mod second_pass;
 mod settings;
+mod stand_ins;
 mod steps;
 mod tile;
 mod unpack;

@@ -22,9 +22,7 @@ impl<'a> Path<'a> {
 
 /// For each usable neighbour the frames from the centre to it, nearest neighbours first.
 pub(super) fn paths<'a>(centre: &'a EncodedFrame, neighbours: &[(i32, &'a EncodedFrame)]) -> Vec<Path<'a>> {
-    // Colours divided by an albedo and colours that are not cannot be averaged.
-    let form = |f: &EncodedFrame| (f.packed.rows, f.packed.columns, f.packed.has_alpha, f.packed.has_albedo);
-    let fits = |f: &EncodedFrame| form(f) == form(centre) && f.packed.aov_names == centre.packed.aov_names;
+    let fits = |f: &EncodedFrame| f.fits(centre) && f.has_alpha() == centre.has_alpha();
     let at = |offset: i32| neighbours.iter().find(|(o, f)| *o == offset && fits(f)).map(|(_, f)| *f);
     let mut out = Vec::new();
     for distance in 1..=MAX_WINDOW as i32 {

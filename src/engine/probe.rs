@@ -67,7 +67,7 @@ impl Engine {
                 let frames: Vec<&PackedFrame> = path.frames.iter().map(|f| &f.packed).collect();
                 let way = (path.offset, self.settings.skip.still && path.is_still());
                 let (_, warped) = warp(self.isa, &frames, way, region, &plan.channels, margins.full, &self.buffers);
-                (path.offset, (&path.neighbour().features, warped))
+                (path.offset, (&*path.neighbour().features, warped))
             })
             .unzip();
         let neighbours: Vec<Neighbour> = seen.iter().map(|(features, warped)| Neighbour { features, warped }).collect();

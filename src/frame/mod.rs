@@ -83,7 +83,7 @@ impl Frame {
 pub struct Denoised {
     /// (rows, columns, 3), scene-linear.
     pub colour: Array3<f32>,
-    /// (rows, columns), 0…1, where the input had alpha.
+    /// (rows, columns), 0…1, where the frame or one that helped it had alpha.
     pub alpha: Option<Array2<f32>>,
     /// The light passes, in the input's order.
     pub aovs: Vec<Aov>,

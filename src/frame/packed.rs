@@ -35,7 +35,7 @@ pub struct PackedFrame {
     /// The scale that brings the frame to the network's brightness.
     pub exposure: f32,
     /// Group 0 has the lanes above; the others hold eight extra channels each (alpha, then AOVs), zero beyond [`Self::extra`].
-    pub groups: Vec<Pixels<8>>,
+    pub groups: Vec<Arc<Pixels<8>>>,
     /// Extra channels.
     pub extra: usize,
     /// Whether extra channel 0 is alpha.
@@ -136,7 +136,7 @@ impl PackedFrame {
             padded_rows,
             padded_columns,
             exposure,
-            groups,
+            groups: groups.into_iter().map(Arc::new).collect(),
             extra,
             has_alpha,
             has_albedo: frame.albedo.is_some(),
@@ -144,6 +144,33 @@ impl PackedFrame {
             vectors,
             lambda_mask,
         })
+    }
+
+    /// The same frame with an alpha of 1 all over, where it came without one; what does not change is shared.
+    pub fn with_opaque_alpha(&self, pool: &BufferPool) -> Self {
+        let lane_of = |channel: usize| (1 + channel / 8, channel % 8);
+        let extra = self.extra + 1;
+        let group = |group: usize| {
+            let mut pixels: Pixels<8> = Pixels::unspecified(self.padded_rows * self.padded_columns, pool);
+            let from: [Option<(usize, usize)>; 8] =
+                std::array::from_fn(|lane| (8 * group + lane).checked_sub(1).filter(|c| *c < self.extra).map(lane_of));
+            pixels.par_iter_mut().enumerate().for_each(|(i, to)| {
+                *to = from.map(|from| from.map_or(0.0, |(group, lane)| self.groups[group][i][lane]));
+                if group == 0 {
+                    to[0] = 1.0;
+                }
+            });
+            Arc::new(pixels)
+        };
+        Self {
+            groups: std::iter::once(self.groups[0].clone()).chain((0..extra.div_ceil(8)).map(group)).collect(),
+            extra,
+            has_alpha: true,
+            aov_names: self.aov_names.clone(),
+            vectors: self.vectors.clone(),
+            lambda_mask: self.lambda_mask.clone(),
+            ..*self
+        }
     }
 
     /// Bytes that this frame holds.

@@ -124,7 +124,7 @@ pub fn denoise<'py>(
 /// One denoised frame.
 #[pyclass(frozen, module = "hush", get_all)]
 pub struct Denoised {
-    /// float32, of the input's shape.
+    /// float32, of the input's shape, with an alpha where a frame around it came with one.
     color: Py<PyArray3<f32>>,
     /// Light passes by name, each (height, width, 3), float32.
     aovs: Py<PyDict>,

@@ -15,9 +15,7 @@ use super::window_cache::{Made, Slot, WindowCache};
 use crate::engine::{Denoised, Dial, EncodedFrame, Engine, FirstPass, LambdaMask, LeftOut, Listener};
 use crate::error::Result;
 use crate::frame::LambdaMap;
-use crate::rules::checks::{Warning, WarningKind};
 use crate::rules::window::{Availability, WindowFrame, neighbours};
-use crate::words;
 
 /// The frames whose first pass is to be done, ascending: those to do, and where a second pass follows those that it takes.
 pub(super) fn first_passes(plan: &Plan, cache: &WindowCache) -> Vec<i64> {
@@ -88,10 +86,6 @@ impl Run<'_> {
         let began = Instant::now();
         let window = self.window(number, self.plan.settings.window);
         let around = used(&window, &self.cache.ring);
-        let before = |near: i32, far: i32| near.signum() == far.signum() && near.abs() <= far.abs();
-        let is_apart = |far: i32| around.iter().any(|(near, slot)| before(*near, far) && !slot.has_alpha_as(centre));
-        let apart = around.iter().filter(|(offset, _)| is_apart(*offset)).map(|(offset, _)| number + i64::from(*offset));
-        let apart: Vec<i64> = apart.collect();
         let dial = FrameDial::of(self.job, number);
         let is_target = self.plan.frames.iter().any(|f| f.frame == number && matches!(f.action, Action::Denoise(_)));
         // One that only helps needs no image; without, it has its λ all over.
@@ -110,7 +104,6 @@ impl Run<'_> {
                 let dial = DialEntry::new(&dial, image.and_then(|image| image.state));
                 let made = Made::new(self.plan, (number, &window), views.into_iter().unzip(), (dial, note), seconds);
                 self.cache.made.insert(number, made);
-                self.note_alpha(number, &apart);
             }
             Err(error) => {
                 // A target says so itself, when it is its turn.
@@ -122,23 +115,6 @@ impl Run<'_> {
                 }
                 self.failed.insert(number, (error, seconds));
             }
-        }
-    }
-
-    /// Takes note of the frames that cannot help one, as alpha is 1 all over in them and not in it, or the other way round, or they lie
-    /// behind such frames.
-    fn note_alpha(&mut self, number: i64, apart: &[i64]) {
-        if apart.is_empty() {
-            return;
-        }
-        let frames = words::frames(apart);
-        self.notes.entry(number).or_default().push(format!("not helped by {frames}, for the alpha"));
-        if !std::mem::replace(&mut self.alpha_noted, true) {
-            let message = format!(
-                "{frames} cannot help frame {number}, as alpha is 1 all over in some of them only: turn off Render › Film › Transparent \
-                 where nothing has to be seen through the image"
-            );
-            (self.report)(Event::Warning(&Warning::new(WarningKind::Note, message)));
         }
     }
 

@@ -30,8 +30,6 @@ pub(super) struct Run<'a> {
     pub(super) finished: usize,
     /// Whether it was told that a mask has odd values.
     pub(super) mask_noted: bool,
-    /// Whether it was told that frames do not help each other for their alpha.
-    pub(super) alpha_noted: bool,
     pub(super) saved: Instant,
 }
 
@@ -59,7 +57,6 @@ impl<'a> Run<'a> {
             notes,
             finished: 0,
             mask_noted,
-            alpha_noted: false,
             saved: Instant::now(),
         }
     }

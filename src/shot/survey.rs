@@ -113,8 +113,10 @@ pub fn survey(scope: &Scope, engine: &Engine, timed: bool, progress: &dyn Fn(usi
         let of = |skip: Skip| -> Vec<LeftOut> {
             let opaque = |view: usize| look.opaque.get(&number).and_then(|views| views.get(view)).copied().unwrap_or(false);
             let view = |(view, centre)| {
-                let found = engine.left_out(centre, &look.neighbours(&around, view), skip);
-                LeftOut { alpha: found.alpha || opaque(view), ..found }
+                let neighbours = look.neighbours(&around, view);
+                let found = engine.left_out(centre, &neighbours, skip);
+                let takes_alpha = neighbours.iter().any(|(_, frame)| frame.has_alpha());
+                LeftOut { alpha: found.alpha || opaque(view) && !takes_alpha, ..found }
             };
             centre.iter().enumerate().map(view).collect()
         };

@@ -29,11 +29,6 @@ impl Slot {
         Self { encoded, seconds, path, state: plan.sources.stamp(number) }
     }
 
-    /// Whether it and another frame can help each other as far as alpha goes, which only their pixels tell.
-    pub fn has_alpha_as(&self, other: &Self) -> bool {
-        self.encoded.iter().map(EncodedFrame::has_alpha).eq(other.encoded.iter().map(EncodedFrame::has_alpha))
-    }
-
     /// Whether it is what a plan would read.
     fn fits(&self, plan: &Plan, number: i64) -> bool {
         let state = plan.sources.stamp(number);
