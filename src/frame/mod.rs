@@ -28,8 +28,7 @@ pub struct Aov {
 pub struct Frame {
     /// Noisy beauty, (rows, columns, 3), scene-linear; NaN, Inf and negative values are sanitised by the engine.
     pub colour: Array3<f32>,
-    /// Alpha, (rows, columns), 0…1, by which the beauty is premultiplied. None is 1 everywhere, in less memory; a frame that has none does
-    /// not help one that has, nor is it helped by it.
+    /// Alpha, (rows, columns), 0…1, by which the beauty is premultiplied. None is 1 everywhere, in less memory.
     pub alpha: Option<Array2<f32>>,
     /// Denoising Albedo, (rows, columns, 3); more than 1 counts as 1.
     pub albedo: Option<Array3<f32>>,
