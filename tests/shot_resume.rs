@@ -215,7 +215,7 @@ fn a_damaged_manifest_is_told() {
     let refused = shot.run(&shot.job()).error();
     assert!(refused.contains("f_0001.exr") && refused.contains("damaged manifest"), "of unknown origin now: {refused}");
     let unknown = hush::shot::SequenceCheck::new().check(&shot.job()).unwrap_err().to_string();
-    assert!(unknown.contains(MANIFEST) && unknown.contains("set to true"), "{unknown}");
+    assert!(unknown.contains(MANIFEST) && unknown.contains("set overwrite to true"), "{unknown}");
     let aside = shot.out().join("hush-manifest.json.damaged");
     assert!(!aside.exists(), "a run that is refused changes nothing");
     let outcome = shot.run(&Job { overwrite: true, ..shot.job() });

@@ -105,7 +105,7 @@ impl SequenceCheck {
         let ledger = ledgers.entry(job.output.clone()).or_insert_with(|| Ledger::new(&job.output));
         let advise = |error| match error {
             Error::BadFile { path, reason } => {
-                let advice = "put a copy of it back, or denoise with overwrite set to true";
+                let advice = "put a copy of it back, or denoise again and set overwrite to true";
                 Error::BadFile { path, reason: format!("{reason}: what it says about the frames there is not known: {advice}") }
             }
             other => other,
