@@ -101,9 +101,9 @@ impl<'a> Watcher<'a> {
         (self.options.once && self.is_finished()) || self.has_all()
     }
 
-    /// Has the frames made again whose denoised files are gone. False where none is.
+    /// Has the frames of one shot made again whose denoised files are gone. False where none is in any.
     fn forget_lost(&mut self) -> bool {
-        self.folder.shots.values_mut().fold(false, |any, shot| shot.forget_lost() || any)
+        self.folder.shots.values_mut().any(Shot::forget_lost)
     }
 
     /// With `once`: nothing is left to do.
