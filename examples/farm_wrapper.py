@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 import re
+import shutil
 import subprocess
 import sys
 import time
@@ -71,6 +72,8 @@ def main() -> int:
     parser.add_argument("--retries", type=int, default=1, help="further tries for a chunk with failed frames")
     parser.add_argument("--hush", default="hush", help="the program")
     arguments, options = parser.parse_known_args()
+    if shutil.which(arguments.hush) is None:
+        raise SystemExit(f"--hush: there is no program {arguments.hush} on the path: give its whole path")
     codes = []
     # On a farm these are tasks on machines; they may write into one folder at once.
     for piece in chunks(arguments.frames, arguments.chunk):

@@ -101,6 +101,7 @@ fn a_render_that_changed_went_or_was_cut_is_seen() {
     fs::remove_file(shot.input(8)).unwrap();
     let gone = memory.check(&shot.job().with(|s| s.frames = Some("5-8".parse().unwrap()))).unwrap();
     assert_eq!(stale(&gone), [beside(6), beside(7), (8, StaleKind::InputMissing)]);
+    assert!(gone.frames[3].reason.as_ref().is_some_and(|reason| reason.contains("delete the denoised frame")));
     assert_eq!((gone.frames[3].source.as_ref(), gone.frames[3].output.as_deref()), (None, Some(&*shot.output(8))));
 }
 

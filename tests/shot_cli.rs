@@ -173,8 +173,31 @@ fn what_is_not_there_is_said_in_words() {
         assert_eq!(output.status.code(), Some(1), "{input}: {}", err(&output));
         assert!(err(&output).contains(expected) && !err(&output).contains("os error"), "{input}: {}", err(&output));
     }
+    // Names may be read, files may not; root may read them all the same.
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        let odd = |mode| std::fs::set_permissions(shot.dir.path().join("odd"), PermissionsExt::from_mode(mode)).unwrap();
+        odd(0o400);
+        let hidden = shot.dir.path().join("odd/a_0001.png.exr").metadata().is_err();
+        let output = hush(&shot, &["denoise", "odd", "-o", "out"]);
+        odd(0o700);
+        assert!(!hidden || err(&output).contains("a_0001.png.exr: Permission denied"), "{}", err(&output));
+    }
     let missing = hush(&shot, &["inspect", "nowhere.exr"]);
     assert_eq!(err(&missing).trim(), "error: nowhere.exr: there is no such file or folder");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_frame_that_is_a_link_to_nowhere_fails_and_is_not_left_out() {
+    let shot = Shot::new(1..=2, Look::default());
+    std::os::unix::fs::symlink("/nowhere/f_0003.exr", shot.input(3)).unwrap();
+    for input in ["shot", "shot/f_####.exr", "shot/*.exr"] {
+        let output = hush(&shot, &["denoise", input, "-o", "out"]);
+        assert_eq!(output.status.code(), Some(2), "{input}: {}", err(&output));
+        assert!(err(&output).contains("frame 3: shot/f_0003.exr: there is no such file"), "{input}: {}", err(&output));
+    }
 }
 
 #[test]
@@ -301,6 +324,19 @@ fn a_hang_up_that_is_to_be_ignored_is() {
         assert_eq!(child.wait().unwrap().code(), Some(130), "{ignored} is ignored, {sent} is sent");
         std::fs::remove_dir_all(shot.out()).unwrap();
     }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_file_above_the_limit_of_its_size_is_told() {
+    let shot = Shot::new(1..=2, Look { columns: 96, rows: 64, ..Look::default() });
+    let mut limited = Command::new("sh");
+    let script = "ulimit -f 16; exec \"$0\" denoise shot -o out";
+    let stopped = limited.current_dir(shot.dir.path()).args(["-c", script, env!("CARGO_BIN_EXE_hush")]).output().unwrap();
+    let told = err(&stopped);
+    assert_eq!(stopped.status.code(), Some(1), "{stopped:?}");
+    assert!(told.contains("out/f_0001.exr: File too large") && told.contains("stopped"), "{told}");
+    assert!(shot.written().is_empty(), "{:?}", shot.written());
 }
 
 #[cfg(unix)]

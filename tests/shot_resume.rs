@@ -188,11 +188,34 @@ fn frames_of_another_shot_are_left_alone() {
 }
 
 #[test]
+fn a_folder_that_was_copied_with_its_denoised_frames_goes_on() {
+    let (shot, copy) = (Shot::new(1..=3, Look::default()), tempfile::tempdir().unwrap());
+    shot.run(&shot.job());
+    for folder in ["shot", "out"] {
+        fs::create_dir(copy.path().join(folder)).unwrap();
+        for file in fs::read_dir(shot.dir.path().join(folder)).unwrap().map(|file| file.unwrap()) {
+            fs::copy(file.path(), copy.path().join(folder).join(file.file_name())).unwrap();
+        }
+    }
+    let frames = copy.path().join("shot");
+    write_frame(&frames.join(name(2)), 2, Look { seed: Some(77), ..Look::default() });
+    let job = |output| Job::new(hush::io::sequence::Sequence::find(&[&frames]).unwrap(), output);
+    let refused = shot.run(&job(shot.out())).error();
+    assert!(refused.contains("(1 such file)"), "into the denoised frames of the one that was copied: {refused}");
+    // As `output = "../out"` in hush.toml says it.
+    assert_eq!(shot.run(&job(frames.join("../out"))).log.with(Status::Denoised), [1, 2, 3]);
+    assert_eq!(shot.run(&shot.job()).log.with(Status::Skipped), [1, 2, 3]);
+}
+
+#[test]
 fn a_damaged_manifest_is_told() {
     let shot = Shot::new(1..=2, Look::default());
     shot.run(&shot.job());
     fs::write(shot.out().join(MANIFEST), b"{ half").unwrap();
-    assert!(shot.run(&shot.job()).error().contains("f_0001.exr"), "the outputs are of unknown origin now");
+    let refused = shot.run(&shot.job()).error();
+    assert!(refused.contains("f_0001.exr") && refused.contains("damaged manifest"), "of unknown origin now: {refused}");
+    let unknown = hush::shot::SequenceCheck::new().check(&shot.job()).unwrap_err().to_string();
+    assert!(unknown.contains(MANIFEST) && unknown.contains("set overwrite to true"), "{unknown}");
     let aside = shot.out().join("hush-manifest.json.damaged");
     assert!(!aside.exists(), "a run that is refused changes nothing");
     let outcome = shot.run(&Job { overwrite: true, ..shot.job() });

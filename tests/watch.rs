@@ -74,6 +74,19 @@ fn a_stub_is_given_up_after_a_while_and_redone_when_it_is_whole() {
 }
 
 #[test]
+fn a_denoised_frame_that_was_deleted_is_made_again_before_the_end() {
+    let scene = Scene::new();
+    (1..=4).for_each(|n| scene.land(n));
+    let mut watch = scene.watch(&["--frames", "1-6"]);
+    watch.until("two frames", |w| w.denoised() == [1, 2]);
+    fs::remove_file(scene.path("out").join(name(1))).unwrap();
+    (5..=6).for_each(|n| scene.land(n));
+    watch.finish(6);
+    assert_eq!(watch.denoised(), [1, 2, 3, 4, 5, 6, 1]);
+    scene.assert_like_a_plain_run("in", "out");
+}
+
+#[test]
 fn without_redo_what_is_done_stays() {
     let scene = Scene::new();
     for n in [1, 2, 4] {

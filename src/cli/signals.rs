@@ -1,4 +1,4 @@
-//! Ctrl-C, SIGTERM and SIGHUP.
+//! Ctrl-C, SIGTERM, SIGHUP and SIGXFSZ.
 
 use std::path::Path;
 
@@ -11,6 +11,7 @@ pub(super) fn catch(handler: Handler) -> Result<()> {
     let hang_up = ignores_hang_up();
     let bad = |e: ctrlc::Error| Error::BadInput { input: "signal handler".into(), reason: e.to_string() };
     ctrlc::set_handler(handler).map_err(bad)?;
+    ignore_file_limit();
     if hang_up {
         ignore_hang_up();
     }
@@ -31,6 +32,16 @@ fn ignore_hang_up() -> libc::sighandler_t {
     // SAFETY: no code of ours runs at the signal.
     unsafe { libc::signal(libc::SIGHUP, libc::SIG_IGN) }
 }
+
+/// At the limit of a file's size (`ulimit -f`) a write fails, which is told; the signal would end the process without a word.
+#[cfg(unix)]
+fn ignore_file_limit() {
+    // SAFETY: no code of ours runs at the signal.
+    unsafe { libc::signal(libc::SIGXFSZ, libc::SIG_IGN) };
+}
+
+#[cfg(not(unix))]
+fn ignore_file_limit() {}
 
 #[cfg(not(unix))]
 fn ignores_hang_up() -> bool {

@@ -29,7 +29,7 @@ const TRIES: usize = 2;
 /// Whether what was written aside was still there when it was to be renamed.
 fn write_once(destination: &Path, write: &mut impl FnMut(&mut BufWriter<File>) -> Result<()>) -> Result<bool> {
     let part = part_path(destination)?;
-    let file = File::create_new(&part).map_err(|e| Error::io(destination, e))?;
+    let file = File::create_new(&part).map_err(|e| Error::io(destination, folder_gone(destination, e)))?;
     let guard = RemoveOnDrop(Some(&part));
     let mut writer = BufWriter::with_capacity(1 << 20, file);
     write(&mut writer)?;
@@ -125,6 +125,14 @@ fn in_use(path: &Path, error: io::Error) -> io::Error {
     }
 }
 
+/// The system says only that there is no such file.
+fn folder_gone(path: &Path, error: io::Error) -> io::Error {
+    match error.kind() {
+        io::ErrorKind::NotFound if !folder_of(path).is_dir() => io::Error::new(error.kind(), "its folder is gone"),
+        _ => error,
+    }
+}
+
 fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
@@ -175,6 +183,13 @@ mod tests {
         .unwrap();
         assert_eq!(names(folder.path()), ["a.exr"]);
         assert_eq!(fs::read(&path).unwrap(), b"new");
+    }
+
+    #[test]
+    fn a_folder_that_is_gone_is_told_as_such() {
+        let folder = tempfile::tempdir().unwrap();
+        let error = write_atomically(&folder.path().join("no/a.exr"), |_| Ok(())).unwrap_err().to_string();
+        assert!(error.ends_with("a.exr: its folder is gone"), "{error}");
     }
 
     #[test]

@@ -105,7 +105,7 @@ impl FoundFiles {
         let mut any = false;
         for entry in entries {
             let path = entry.map_err(|e| Error::io(e.path().to_path_buf(), std::io::Error::from(e.error().kind())))?;
-            if is_exr(&path) && !is_hidden(&path) && path.is_file() {
+            if is_exr(&path) && !is_hidden(&path) && is_file(&path) {
                 self.add_file(path, false);
                 any = true;
             }
@@ -237,12 +237,21 @@ fn exr_files(folder: &Path) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for entry in entries {
         let path = entry.map_err(|e| Error::io(folder, e))?.path();
-        if is_exr(&path) && !is_hidden(&path) && path.is_file() {
+        if is_exr(&path) && !is_hidden(&path) && is_file(&path) {
             files.push(path);
         }
     }
     files.sort();
     Ok(files)
+}
+
+/// Whether it is a file, or may be one: what a link that leads nowhere or a folder that may not be looked into hides fails as a frame and is
+/// not left out without a word.
+fn is_file(path: &Path) -> bool {
+    match std::fs::metadata(path) {
+        Ok(about) => about.is_file(),
+        Err(e) => e.kind() == std::io::ErrorKind::PermissionDenied || path.is_symlink(),
+    }
 }
 
 fn is_hidden(path: &Path) -> bool {

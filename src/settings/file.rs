@@ -49,8 +49,10 @@ pub fn read_settings_file(path: &Path) -> Result<SettingsFile> {
         return Err(bad(format!("is {size} bytes long, which no settings are")));
     }
     let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
-    let mut table: Map<String, Value> =
-        toml::from_str(&text).map_err(|e| bad(format!("is no TOML: {}", e.to_string().trim_end())))?;
+    let mut table: Map<String, Value> = toml::from_str(&text).map_err(|e| {
+        let backslash = if text.contains('\\') { "; paths of Windows stand in single quotes, or are written with /" } else { "" };
+        bad(format!("is no TOML: {}{backslash}", e.to_string().trim_end()))
+    })?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let usd = match table.remove(USD) {
         None => None,
@@ -58,8 +60,14 @@ pub fn read_settings_file(path: &Path) -> Result<SettingsFile> {
         Some(other) => return Err(bad(format!("{USD}: {other} is no file name"))),
     };
     for (name, value) in &mut table {
-        if let (Ok(Setting { kind: Kind::Path, .. }), Some(file)) = (Setting::named(name), value.as_str()) {
-            *value = folder.join(file).to_string_lossy().into();
+        let read: Option<Value> = match (Setting::named(name), &*value) {
+            (Ok(Setting { kind: Kind::Path, .. }), Value::String(file)) => Some(folder.join(file).to_string_lossy().into()),
+            // A number that a person wrote is read as a text is: 4 is no size.
+            (Ok(Setting { kind: Kind::Size, .. }), Value::Number(size)) => Some(size.to_string().into()),
+            _ => None,
+        };
+        if let Some(read) = read {
+            *value = read;
         }
     }
     let origin = |key: &str| Origin::SettingsFile { file: path.into(), key: key.into() };
@@ -147,6 +155,8 @@ mod tests {
             ("layers = 3", ["layers = 3", "a name or a list of names"]),
             ("guides = [\"colour\"]", ["guides", "albedo, normal, depth, vector"]),
             ("memory = \"much\"", ["memory", "no size"]),
+            ("memory = 4", ["memory = \"4\"", "'4' is no size: write 4G"]),
+            ("output = \"D:\\shots\"", ["is no TOML", "single quotes"]),
             ("passes = 3", ["passes = 3", "a table of names"]),
             ("usd = 3", ["usd", "no file name"]),
             ("lambda 4", ["hush.toml", "line 1"]),

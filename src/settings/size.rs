@@ -18,6 +18,10 @@ pub fn parse_size(text: &str) -> Result<u64, String> {
         _ => return Err(advice()),
     };
     let bytes = number.parse::<f64>().map_err(|_| advice())? * 1024f64.powi(power);
+    // A unit that was forgotten, and not a handful of bytes.
+    if power == 0 && bytes < 1000.0 {
+        return Err(advice());
+    }
     if (1.0..1e18).contains(&bytes) { Ok(bytes as u64) } else { Err(advice()) }
 }
 
@@ -32,7 +36,7 @@ mod tests {
         {
             assert_eq!(parse_size(text), Ok(bytes), "{text}");
         }
-        for bad in ["", "G", "4X", "-4G", "0", "4 G 2", "1e9G", "nan", "99999999T"] {
+        for bad in ["", "G", "4X", "-4G", "0", "4", "512", "4 G 2", "1e9G", "nan", "99999999T"] {
             assert!(parse_size(bad).is_err(), "{bad}");
         }
     }

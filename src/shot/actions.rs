@@ -17,7 +17,7 @@ use crate::error::{Error, Result};
 use crate::rules::window::{Unused, WindowFrame, neighbours};
 use crate::words::{self, counted};
 
-/// The frames of the range.
+/// The frames of the range. The manifest is an empty one where `damage` says why it cannot be read.
 ///
 /// # Errors
 /// What is there is not Hush's, was made from another shot, or is better than what this run would make; with `strict` a mask image that
@@ -27,7 +27,7 @@ pub(super) fn plan_frames(
     targets: &[i64],
     settings: &FrameSettings,
     sources: &Sources,
-    manifest: &Manifest,
+    (manifest, damage): (&Manifest, Option<&Error>),
     files: &mut FileMemory,
 ) -> Result<Vec<PlannedFrame>> {
     let mut frames = Vec::with_capacity(targets.len());
@@ -51,7 +51,7 @@ pub(super) fn plan_frames(
             None => match entry {
                 _ if let Some(reason) = no_image => Action::Fail(reason),
                 _ if job.overwrite || !output.exists() => Action::Denoise(None),
-                Some(entry) if is_of_another_shot(entry, source, files) => {
+                Some(entry) if is_of_another_shot(entry, source, &output, files) => {
                     others.push((output.clone(), entry.source.clone()));
                     Action::Denoise(None)
                 }
@@ -87,9 +87,12 @@ pub(super) fn plan_frames(
         });
     }
     if let Some(first) = foreign.first() {
+        let silent = match damage {
+            Some(damage) => format!("{damage}, so that nobody knows who wrote it"),
+            None => format!("{MANIFEST} does not say that Hush wrote it"),
+        };
         let reason = format!(
-            "is there already, and {MANIFEST} does not say that Hush wrote it ({}): choose another output folder or set overwrite to \
-             true to replace what is there",
+            "is there already, and {silent} ({}): choose another output folder or set overwrite to true to replace what is there",
             counted(foreign.len(), "such file")
         );
         return Err(Error::io(first, std::io::Error::new(std::io::ErrorKind::AlreadyExists, reason)));

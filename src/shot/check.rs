@@ -102,7 +102,15 @@ impl SequenceCheck {
         check_output(job)?;
         let identity = job.settings.identity()?;
         let Self { ledgers, files } = self;
-        let manifest = ledgers.entry(job.output.clone()).or_insert_with(|| Ledger::new(&job.output)).read()?;
+        let ledger = ledgers.entry(job.output.clone()).or_insert_with(|| Ledger::new(&job.output));
+        let advise = |error| match error {
+            Error::BadFile { path, reason } => {
+                let advice = "put a copy of it back, or denoise again and set overwrite to true";
+                Error::BadFile { path, reason: format!("{reason}: what it says about the frames there is not known: {advice}") }
+            }
+            other => other,
+        };
+        let manifest = ledger.read().map_err(advise)?;
         let recorded = recorded(job, manifest);
         let numbers = job.sequence.numbers();
         let targets = targets(job, &numbers, &recorded)?;
@@ -146,7 +154,10 @@ impl Look<'_> {
         let entry = recorded.map(|(_, entry)| *entry);
         let damaged = self.damage(number, input);
         let (state, stale) = match (&output, input) {
-            (Some(_), None) => (FrameState::Stale, Some(Stale::new(StaleKind::InputMissing, "the input is gone"))),
+            (Some(_), None) => (
+                FrameState::Stale,
+                Some(Stale::new(StaleKind::InputMissing, "the input is gone: render it again, or delete the denoised frame")),
+            ),
             (Some(output), Some(_)) => match self.why_stale(number, output, entry, damaged) {
                 None => (FrameState::Current, None),
                 stale => (FrameState::Stale, stale),

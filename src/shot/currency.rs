@@ -2,7 +2,7 @@
 //! check of a sequence and, through it, everything that shows or composites a frame ask here.
 
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
@@ -11,6 +11,7 @@ use super::file_state::FileMemory;
 use super::frame_settings::{Change, FrameSettings};
 use super::job::Job;
 use super::manifest::{Entry, Manifest, NeighbourEntry};
+use super::output::real_folder;
 use super::sources::Sources;
 use crate::io::sequence::Sequence;
 use crate::rules::window::{Availability, Unused, neighbours};
@@ -117,11 +118,25 @@ pub(super) fn same_input(entry: &Entry, sequence: &Sequence, files: &mut FileMem
     entry.stamp.is_some() && files.is_same(sequence.path(entry.frame), entry.stamp)
 }
 
-/// Whether an output was made from a frame of another shot: one under another path, still there as it was then.
-pub(super) fn is_of_another_shot(entry: &Entry, source: &Path, files: &mut FileMemory) -> bool {
+/// Whether an output was made from a frame of another shot: one under another path, still there as it was then. Not where rendered and
+/// denoised frames were copied together, as with the folder of a project or of a version.
+pub(super) fn is_of_another_shot(entry: &Entry, source: &Path, output: &Path, files: &mut FileMemory) -> bool {
     let elsewhere = std::path::absolute(source).is_ok_and(|source| source != entry.source);
     let recorded = elsewhere && entry.stamp.is_some();
-    recorded && !files.is_same(Some(source), entry.stamp) && files.is_same(Some(&entry.source), entry.stamp)
+    let is_other = recorded && !files.is_same(Some(source), entry.stamp) && files.is_same(Some(&entry.source), entry.stamp);
+    is_other && !came_along(&real_file(&entry.source), &real_file(source), &real_file(output))
+}
+
+/// Whether the output lies below the folder that tells where the frame is now from where it was, and that folder is beside the other one.
+fn came_along(then: &Path, now: &Path, output: &Path) -> bool {
+    let alike = then.components().rev().zip(now.components().rev()).take_while(|(then, now)| then == now).count();
+    let (Some(old), Some(new)) = (then.ancestors().nth(alike), now.ancestors().nth(alike)) else { return false };
+    output.starts_with(new) && !output.starts_with(old) && !old.starts_with(new)
+}
+
+/// A file's path with its folder's links followed.
+fn real_file(path: &Path) -> PathBuf {
+    real_folder(path.parent().unwrap_or(path)).join(path.file_name().unwrap_or_default())
 }
 
 fn same_window(entry: &Entry, wanted: &Wanted<'_>, files: &mut FileMemory) -> bool {

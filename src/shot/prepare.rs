@@ -83,17 +83,18 @@ impl Plan {
         let mut warnings = header_warnings(job, &headers, &gaps)?;
         // Of a shot that is still being rendered, nobody knows the step.
         warnings.extend(checks::apart(step).filter(|_| window > 0 && job.whole.is_none()));
-        let empty = Manifest::default();
+        let (empty, mut damage) = (Manifest::default(), None);
         let manifest = match ledger.read() {
             // A run replaces it.
             Err(e @ Error::BadFile { .. }) => {
                 let lost = "what it says about the frames there is not known";
                 warnings.push(Warning::new(WarningKind::Manifest, format!("{e}: {lost}; a run keeps it as {DAMAGED}")));
+                damage = Some(e);
                 &empty
             }
             known => known?,
         };
-        let frames = plan_frames(job, &targets, &settings, &sources, manifest, &mut files)?;
+        let frames = plan_frames(job, &targets, &settings, &sources, (manifest, damage.as_ref()), &mut files)?;
         let entry = |f: &PlannedFrame| manifest.entry(&f.output).map(|e| (f.frame, e.clone()));
         let before = frames.iter().filter_map(entry).collect();
         warnings.extend(redone_warnings(&frames));

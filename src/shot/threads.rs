@@ -89,10 +89,12 @@ fn made_by(plan: &Plan, frame: &PlannedFrame) -> String {
 
 /// Whether an error is about the output folder itself, so that every further frame would meet it too.
 pub(super) fn ends_the_run(error: &Error, output: &Path) -> bool {
-    use std::io::ErrorKind::{NotADirectory, NotFound, PermissionDenied, QuotaExceeded, ReadOnlyFilesystem, StorageFull};
+    use std::io::ErrorKind::{
+        FileTooLarge, NotADirectory, NotFound, PermissionDenied, QuotaExceeded, ReadOnlyFilesystem, StorageFull,
+    };
     match error {
         Error::Io { path, source } => {
-            let kinds = [StorageFull, QuotaExceeded, ReadOnlyFilesystem, PermissionDenied, NotFound, NotADirectory];
+            let kinds = [StorageFull, QuotaExceeded, FileTooLarge, ReadOnlyFilesystem, PermissionDenied, NotFound, NotADirectory];
             path.starts_with(output) && kinds.contains(&source.kind())
         }
         _ => false,

@@ -35,6 +35,8 @@ pub(super) struct Frames {
 pub(super) struct FrameCounts {
     pub landed: usize,
     pub done: usize,
+    /// Those of `done` whose file is not there, or not whole, any more.
+    pub of_gone: usize,
     pub failed: usize,
     pub waiting: usize,
     pub partial: usize,
@@ -172,6 +174,14 @@ impl Frames {
         }
     }
 
+    /// Forgets how frames were made whose denoised file is gone, which `is_there` tells. True where there is one.
+    pub fn forget_lost(&mut self, is_there: impl Fn(i64) -> bool) -> bool {
+        let made = |s: &FrameState| s.landing != Landing::Gone && s.made.as_ref().is_some_and(|made| !made.failed);
+        let lost: Vec<i64> = self.all.iter().filter(|(n, s)| made(s) && !is_there(**n)).map(|(n, _)| *n).collect();
+        lost.iter().for_each(|number| self.set_made(*number, None));
+        !lost.is_empty()
+    }
+
     /// Leaves a frame alone until then.
     pub fn hold(&mut self, number: i64, until: Duration) {
         if let Some(state) = self.all.get_mut(&number) {
@@ -300,6 +310,7 @@ impl Frames {
             } else if let Some(made) = &state.made {
                 counts.failed += usize::from(made.failed && whole);
                 counts.done += usize::from(!made.failed);
+                counts.of_gone += usize::from(!made.failed && !whole);
             }
         }
         counts

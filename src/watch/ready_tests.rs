@@ -205,7 +205,10 @@ fn what_is_gone_is_no_reason_to_make_anything_again() {
     let mut play = Play::new(|_| {});
     (1..=5).for_each(|n| play.land(n, n as u64));
     assert_eq!(play.make(200), [1, 2, 3, 4, 5]);
-    (1..=5).for_each(|n| play.frames.gone(n));
+    (4..=5).for_each(|n| play.frames.gone(n));
+    let counts = FrameCounts { landed: 3, done: 5, of_gone: 2, ..FrameCounts::default() };
+    assert_eq!(play.frames.counts(&play.rules), counts);
+    (1..=3).for_each(|n| play.frames.gone(n));
     assert_eq!(play.make(300), NONE);
     assert_eq!((play.frames.there().count(), play.frames.ends()), (0, None));
     play.frames.seen(3, stamp(3), true, at(400));
@@ -213,6 +216,16 @@ fn what_is_gone_is_no_reason_to_make_anything_again() {
     assert_eq!(play.make(400), NONE, "the same file is back");
     play.land(4, 401);
     assert_eq!(play.make(600), [3, 4], "another one is new, and helps");
+}
+
+#[test]
+fn a_denoised_frame_that_is_gone_is_made_again() {
+    let mut play = Play::new(|r| r.frames = Some("1-3".parse().unwrap()));
+    (1..=3).for_each(|n| play.land(n, n as u64));
+    assert_eq!(play.make(4), [1, 2, 3]);
+    assert!(!play.frames.forget_lost(|_| true) && play.frames.has_all(&play.rules, at(4)));
+    assert!(play.frames.forget_lost(|n| n != 2) && !play.frames.has_all(&play.rules, at(4)));
+    assert_eq!(play.make(5), [2]);
 }
 
 #[test]

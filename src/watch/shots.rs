@@ -203,6 +203,12 @@ impl Shot {
         Some(Made { stamp: entry.stamp.map(|state| state.stamp), around, window, failed: entry.status == Status::Failed })
     }
 
+    /// Has the frames made again whose denoised files somebody deleted. True where there is one.
+    pub fn forget_lost(&mut self) -> bool {
+        let (key, digits, output) = (&self.key, &self.digits, &self.job.output);
+        self.frames.forget_lost(|number| output.join(key.file(number, digits.get(&number).copied().unwrap_or(1))).exists())
+    }
+
     /// Gives a frame up until its file changes.
     pub fn give_up(&mut self, number: i64) {
         let stamp = self.frames.stamp(number);

@@ -80,6 +80,8 @@ impl<'a> Watcher<'a> {
                     }
                     self.folder.changes(Duration::ZERO)
                 }
+                // Nobody who waits for the end is told of frames that were deleted meanwhile.
+                false if self.is_at_its_end() && self.forget_lost() => Changes::default(),
                 false if self.options.once && self.is_finished() => break,
                 false if self.has_all() || self.is_switched_off() => {
                     self.report_waiting();
@@ -92,6 +94,16 @@ impl<'a> Watcher<'a> {
             };
         }
         self.finish()
+    }
+
+    /// Whether all is done, as far as is known.
+    fn is_at_its_end(&self) -> bool {
+        (self.options.once && self.is_finished()) || self.has_all()
+    }
+
+    /// Has the frames of one shot made again whose denoised files are gone. False where none is in any.
+    fn forget_lost(&mut self) -> bool {
+        self.folder.shots.values_mut().any(Shot::forget_lost)
     }
 
     /// With `once`: nothing is left to do.
@@ -143,6 +155,7 @@ impl<'a> Watcher<'a> {
             let counts = shot.frames.counts(&shot.rules);
             all.landed += counts.landed;
             all.done += counts.done;
+            all.of_gone += counts.of_gone;
             all.failed += counts.failed;
             all.waiting += counts.waiting;
             all.partial += counts.partial;
@@ -159,7 +172,7 @@ impl<'a> Watcher<'a> {
         let waiting = Waiting {
             input: self.folder.is_there(),
             landed: counts.landed,
-            denoised: counts.done,
+            denoised: counts.done - counts.of_gone,
             waiting: counts.waiting.saturating_sub(held),
             incomplete: counts.partial,
             elsewhere: held,

@@ -209,7 +209,8 @@ impl<'a> Worker<'a> {
                 }
                 // What is done so far, of what has landed so far.
                 shot::Event::Frame { frame, status, lambda, source, output, neighbours, reason, seconds, finished, .. } => {
-                    let (finished, frames) = ((counts.done + finished).min(counts.landed), counts.landed);
+                    let done = counts.done - counts.of_gone;
+                    let (finished, frames) = ((done + finished).min(counts.landed), counts.landed);
                     shot::Event::Frame { frame, status, lambda, source, output, neighbours, reason, seconds, finished, frames }
                 }
                 // Which frames are made again is reported each time, the rest once a shot.

@@ -57,6 +57,11 @@ def test_the_farm_wrapper_retries_and_tells_what_failed(tmp_path: Path) -> None:
     assert "2 chunks, exit codes [0, 2]" in result.stdout
 
 
+def test_the_farm_wrapper_tells_that_the_program_is_not_there(tmp_path: Path) -> None:
+    result = example("farm_wrapper.py", tmp_path, tmp_path / "out", "--frames", "1-4", "--hush", "no-such-hush")
+    assert result.returncode == 1 and result.stderr.startswith("--hush: there is no program no-such-hush"), result.stderr
+
+
 def test_the_farm_wrapper_does_its_sums() -> None:
     result = subprocess.run(
         [sys.executable, "-m", "doctest", EXAMPLES / "farm_wrapper.py"], capture_output=True, text=True, timeout=60, check=False
