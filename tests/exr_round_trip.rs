@@ -158,6 +158,32 @@ fn stereo_files_of_both_kinds_are_denoised_in_both_views() {
     }
 }
 
+/// One part a view layer, with both views in its channels' names; also a single part that has a name.
+#[test]
+fn views_in_the_channel_names_of_named_parts_get_parts_of_their_own() {
+    for layers in [&["Near", "Far"][..], &["Near"]] {
+        let (_folder, source, output) = folder();
+        let part = |layer: &&str| Part {
+            name: Some(layer.to_string()),
+            multi_view: ["left", "right"].map(String::from).to_vec(),
+            channels: ["left", "right"]
+                .iter()
+                .flat_map(|view| pass(&format!("{layer}.Combined.{view}"), "RGBA", SampleType::F16, SIZE, 3))
+                .collect(),
+            ..Part::default()
+        };
+        write(&source, layers.iter().map(part).collect(), Style::new(Compression::ZIP16));
+        denoise(&source, &output, &Selection::default(), &KEEP);
+        let written = read_layout(&output).unwrap();
+        let names: Vec<&str> = written.part_list.iter().filter_map(|p| p.name.as_deref()).collect();
+        assert_eq!(names, [layers, &["Near.Noisy Image.left", "Near.Noisy Image.right"]].concat());
+        for view in ["left", "right"] {
+            let kept = written.layers[0].passes.iter().filter(|p| p.name == "Noisy Image" && p.view.as_deref() == Some(view));
+            assert_eq!(kept.map(|p| p.channels.len()).collect::<Vec<_>>(), [4], "{view}");
+        }
+    }
+}
+
 #[test]
 fn layer_names_may_hold_dots_and_spaces() {
     for multipart in [false, true] {

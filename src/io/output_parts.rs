@@ -100,11 +100,14 @@ impl OutputParts {
         let Some(place) = layout.part_list.get(part) else { return Ok(()) };
         // Blender 5 names the only part of a one-pass file after the pass, and then sees that pass alone: it wants a second part.
         let own_part = layout.multipart || place.name.as_ref().is_some_and(|n| !n.is_empty());
+        // A part with a view of its own needs none in the names of its channels.
+        let view = resolved.view.as_deref().filter(|&view| place.view.as_deref() != Some(view));
+        let noisy_name = |component| names::join(&resolved.layer, NOISY, view, component);
         let kept = resolved.colour.channels.iter().chain(&resolved.alpha);
         let mut added = Vec::new();
         for channel in kept.filter(|c| c.part == part) {
             let Some((raw, _)) = self.parts[part].channels.get(channel.index) else { continue };
-            let name = noisy_name(layout, resolved, &channel.component, !own_part);
+            let name = noisy_name(&channel.component);
             if name.len() > 255 {
                 return Err(Error::bad_file(&layout.path, "has layer names too long for adding the pass Noisy Image"));
             }
@@ -116,7 +119,7 @@ impl OutputParts {
         }
         self.prologue.make_multipart(&self.chunk_counts);
         let mut header = self.prologue.headers[part].clone();
-        let mut name = noisy_name(layout, resolved, "", false);
+        let mut name = noisy_name("");
         if let Some(view) = &place.view {
             name.push_str(&format!("-{view}"));
         }
@@ -189,12 +192,6 @@ impl OutputParts {
         });
         Ok(OutputFile { multipart: self.prologue.is_multipart(), parts: parts.collect(), prologue })
     }
-}
-
-/// `Layer.Noisy Image.Component`, with the view in it where the file's channel names hold views.
-fn noisy_name(layout: &Layout, resolved: &Resolved, component: &str, with_view: bool) -> String {
-    let view = resolved.view.as_deref().filter(|_| with_view && layout.part_list.iter().all(|p| p.view.is_none()));
-    names::join(&resolved.layer, NOISY, view, component)
 }
 
 impl OutputFile {
