@@ -321,14 +321,20 @@ fn denoised_files_open_denoised() {
             assert_eq!(layers, expected, "{what}");
         }
     }
-    // What only the part that is left out says is said by the next.
-    let (_folder, source, output) = folder();
-    let mut parts = composited(true, &[]);
-    parts[0].attributes = vec![("Frame".into(), "007".into())];
-    write(&source, parts, Style::new(Compression::ZIP16));
-    denoise(&source, &output, &Selection::default(), &WriteOptions::default());
-    assert_eq!(read_layout(&output).unwrap().frame, Some(7));
-    assert_eq!(read(&output).0.headers[0].own_attributes.layer_name.as_ref().unwrap().to_string(), "ViewLayer.Combined");
+    // What only the part in front says, left out or put last, is said by the one that comes first then: there others look for it.
+    for without_composite in [false, true] {
+        let (_folder, source, output) = folder();
+        let mut parts = composited(true, &[]);
+        parts.drain(..usize::from(without_composite));
+        parts[0].attributes =
+            [("Frame", "007"), ("colorInteropID", "data")].map(|(name, text)| (name.into(), text.into())).to_vec();
+        write(&source, parts, Style::new(Compression::ZIP16));
+        denoise(&source, &output, &Selection::default(), &WriteOptions::default());
+        let first = read(&output).0.headers.remove(0).own_attributes;
+        assert_eq!(first.layer_name.unwrap().to_string(), "ViewLayer.Combined");
+        // What describes the pixels of a part stays with them.
+        assert_eq!(first.other.keys().map(|name| name.to_string()).collect::<Vec<_>>(), ["Frame"], "{without_composite}");
+    }
     // An artist's own layer of that name is no such thing.
     let (_folder, source, output) = folder();
     write(&source, composited(true, &[("Composite.Mist", "Z")]), Style::new(Compression::ZIP16));

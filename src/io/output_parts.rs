@@ -12,7 +12,7 @@ use ndarray::{CowArray, Ix2, s};
 use rayon::prelude::*;
 
 use super::codec;
-use super::container::{Prologue, RawChannel};
+use super::container::{Prologue, RawAttribute, RawChannel};
 use super::exr_file::{Chunk, ExrFile, parse_headers};
 use super::layout::{Layout, SampleType, ViewLayer};
 use super::names;
@@ -23,8 +23,18 @@ use super::selection::NOISY;
 use crate::error::{Error, Result};
 
 /// Attributes that describe one part.
-const PART_OWN: [&[u8]; 9] =
-    [b"channels", b"chunkCount", b"compression", b"dataWindow", b"lineOrder", b"name", b"tiles", b"type", b"view"];
+const PART_OWN: [&[u8]; 10] = [
+    b"channels",
+    b"chunkCount",
+    b"colorInteropID",
+    b"compression",
+    b"dataWindow",
+    b"lineOrder",
+    b"name",
+    b"tiles",
+    b"type",
+    b"view",
+];
 /// Largest finite half.
 const HALF_MAX: f32 = 65504.0;
 
@@ -139,24 +149,31 @@ impl OutputParts {
         let parts = std::mem::take(&mut self.parts).into_iter().zip(headers);
         let (kept, empty): (Vec<_>, Vec<_>) = parts.partition(|(part, _)| !part.channels.is_empty());
         (self.parts, self.prologue.headers) = kept.into_iter().unzip();
+        self.give_to_first(empty.into_iter().flat_map(|(_, header)| header.attributes));
+    }
+
+    /// Adds what the first part lacks of another one's metadata: there Blender writes the metadata of a file, and looks for it.
+    fn give_to_first(&mut self, attributes: impl IntoIterator<Item = RawAttribute>) {
         let Some(first) = self.prologue.headers.first_mut() else { return };
-        for attribute in empty.into_iter().flat_map(|(_, header)| header.attributes) {
+        for attribute in attributes {
             if !PART_OWN.contains(&attribute.name.as_slice()) && !first.attributes.iter().any(|a| a.name == attribute.name) {
                 first.attributes.push(attribute);
             }
         }
     }
 
-    /// Puts the parts that hold nothing but this layer behind all others.
+    /// Puts the parts that hold nothing but this layer behind all others. The part that comes first then has the metadata too.
     pub fn put_last(&mut self, layer: &ViewLayer) {
         let channels = || layer.passes.iter().flat_map(|p| &p.channels);
         let within = |part: &PartDraft| {
             part.channels.iter().all(|(raw, _)| channels().any(|c| c.part == part.source && c.name.as_bytes() == raw.name))
         };
         let headers = std::mem::take(&mut self.prologue.headers);
+        let metadata = headers.first().map(|first| first.attributes.clone()).unwrap_or_default();
         let parts = std::mem::take(&mut self.parts).into_iter().zip(headers);
         let (last, first): (Vec<_>, Vec<_>) = parts.partition(|(part, _)| within(part));
         (self.parts, self.prologue.headers) = first.into_iter().chain(last).unzip();
+        self.give_to_first(metadata);
     }
 
     /// Adds a text attribute to every part, or replaces it.
