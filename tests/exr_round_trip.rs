@@ -158,6 +158,22 @@ fn stereo_files_of_both_kinds_are_denoised_in_both_views() {
     }
 }
 
+#[test]
+fn the_part_of_the_noisy_image_does_not_repeat_the_metadata_of_the_file() {
+    let (_folder, source, output) = folder();
+    let mut parts = render(SampleType::F16, true, SIZE);
+    let texts = |names: &[&str]| names.iter().map(|n| (n.to_string(), "data".to_string())).collect::<Vec<_>>();
+    parts.iter_mut().for_each(|part| part.attributes = texts(&["everywhere"]));
+    parts[0].attributes = texts(&["everywhere", "colorInteropID", "cryptomatte/542cafa/manifest"]);
+    write(&source, parts, Style::new(Compression::ZIP16));
+    denoise(&source, &output, &Selection::default(), &KEEP);
+    let (before, after) = (read(&source).0.headers, read(&output).0.headers);
+    assert_eq!(before[0].own_attributes, after[0].own_attributes);
+    let mut told: Vec<String> = after[before.len()].own_attributes.other.keys().map(|name| name.to_string()).collect();
+    told.sort();
+    assert_eq!(told, ["colorInteropID", "everywhere"]);
+}
+
 /// One part a view layer, with both views in its channels' names; also a single part that has a name.
 #[test]
 fn views_in_the_channel_names_of_named_parts_get_parts_of_their_own() {

@@ -134,6 +134,9 @@ impl OutputParts {
             name.push_str(&format!("-{view}"));
         }
         header.set("name", "string", name.into_bytes());
+        // Texts that not all parts have are the file's, and said once: manifests are long.
+        let everywhere = |name: &[u8]| self.prologue.headers.iter().all(|h| h.attributes.iter().any(|a| a.name == name));
+        header.attributes.retain(|a| a.kind != b"string" || PART_OWN.contains(&a.name.as_slice()) || everywhere(&a.name));
         self.prologue.headers.push(header);
         self.parts.push(PartDraft { source: part, added: true, channels: added });
         Ok(())
