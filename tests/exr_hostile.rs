@@ -130,6 +130,17 @@ fn channel_list(names: &[String], channel: &[u8; 16]) -> Vec<u8> {
 const FLOAT: [u8; 16] = [2, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0];
 const HALF_SAMPLED: [u8; 16] = [2, 0, 0, 0, 0, 0, 0, 0, 2, 0, 0, 0, 2, 0, 0, 0];
 
+/// What other programs write rightly, and what is said of it.
+const KINDS: [(&str, &str); 7] = [
+    ("subsampled", "has subsampled channels, as luminance and chroma are kept, which Hush does not read: save it as RGB"),
+    ("HTJ2K", "is compressed with HTJ2K, which Hush does not read: save it with ZIP"),
+    ("LJ2K", "is compressed with LJ2K"),
+    ("ZSTD", "is compressed with ZSTD"),
+    ("unknown compression", "is compressed with method 77 of the format, which Hush does not read: save it with ZIP"),
+    ("deep", "holds deep data, which Hush does not denoise: save it flattened"),
+    ("mipmaps", "has mipmap levels, which Hush does not read: save it with one level"),
+];
+
 #[cfg(unix)]
 #[test]
 fn a_pipe_is_refused_and_not_waited_for() {
@@ -156,6 +167,8 @@ fn bombs_and_lies_are_refused_at_once() {
         ("subsampled", header([0, 0, 31, 31], 3, 0, &HALF_SAMPLED, &[], 64)),
         ("zero sampling", header([0, 0, 31, 31], 3, 0, &[2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0], &[], 64)),
         ("HTJ2K", header([0, 0, 31, 31], 10, 0, &FLOAT, &[], 64)),
+        ("LJ2K", header([0, 0, 31, 31], 12, 0, &FLOAT, &[], 64)),
+        ("ZSTD", header([0, 0, 31, 31], 13, 0, &FLOAT, &[], 64)),
         ("unknown compression", header([0, 0, 31, 31], 77, 0, &FLOAT, &[], 64)),
         ("deep", header([0, 0, 31, 31], 3, 1 << 11, &FLOAT, b"type\0string\0\x0c\0\0\0deepscanline", 64)),
         ("tiled without tiles", header([0, 0, 31, 31], 3, 1 << 9, &FLOAT, &[], 64)),
@@ -169,6 +182,8 @@ fn bombs_and_lies_are_refused_at_once() {
         std::fs::write(&source, &bytes).unwrap();
         let error = read_layout(&source).expect_err(what).to_string();
         assert!(error.contains("in.exr"), "{what}: {error}");
+        let told = KINDS.iter().find(|(kind, _)| *kind == what).map_or("", |(_, told)| told);
+        assert!(error.contains(told), "{what}: {error}");
     }
     assert!(started.elapsed() < Duration::from_secs(2));
     // The same header with a true size is fine, so the refusals above have the reasons that they claim.

@@ -159,6 +159,48 @@ fn stereo_files_of_both_kinds_are_denoised_in_both_views() {
 }
 
 #[test]
+fn the_part_of_the_noisy_image_does_not_repeat_the_metadata_of_the_file() {
+    let (_folder, source, output) = folder();
+    let mut parts = render(SampleType::F16, true, SIZE);
+    let texts = |names: &[&str]| names.iter().map(|n| (n.to_string(), "data".to_string())).collect::<Vec<_>>();
+    parts.iter_mut().for_each(|part| part.attributes = texts(&["everywhere"]));
+    parts[0].attributes = texts(&["everywhere", "colorInteropID", "cryptomatte/542cafa/manifest"]);
+    write(&source, parts, Style::new(Compression::ZIP16));
+    denoise(&source, &output, &Selection::default(), &KEEP);
+    let (before, after) = (read(&source).0.headers, read(&output).0.headers);
+    assert_eq!(before[0].own_attributes, after[0].own_attributes);
+    let mut told: Vec<String> = after[before.len()].own_attributes.other.keys().map(|name| name.to_string()).collect();
+    told.sort();
+    assert_eq!(told, ["colorInteropID", "everywhere"]);
+}
+
+/// One part a view layer, with both views in its channels' names; also a single part that has a name.
+#[test]
+fn views_in_the_channel_names_of_named_parts_get_parts_of_their_own() {
+    for layers in [&["Near", "Far"][..], &["Near"]] {
+        let (_folder, source, output) = folder();
+        let part = |layer: &&str| Part {
+            name: Some(layer.to_string()),
+            multi_view: ["left", "right"].map(String::from).to_vec(),
+            channels: ["left", "right"]
+                .iter()
+                .flat_map(|view| pass(&format!("{layer}.Combined.{view}"), "RGBA", SampleType::F16, SIZE, 3))
+                .collect(),
+            ..Part::default()
+        };
+        write(&source, layers.iter().map(part).collect(), Style::new(Compression::ZIP16));
+        denoise(&source, &output, &Selection::default(), &KEEP);
+        let written = read_layout(&output).unwrap();
+        let names: Vec<&str> = written.part_list.iter().filter_map(|p| p.name.as_deref()).collect();
+        assert_eq!(names, [layers, &["Near.Noisy Image.left", "Near.Noisy Image.right"]].concat());
+        for view in ["left", "right"] {
+            let kept = written.layers[0].passes.iter().filter(|p| p.name == "Noisy Image" && p.view.as_deref() == Some(view));
+            assert_eq!(kept.map(|p| p.channels.len()).collect::<Vec<_>>(), [4], "{view}");
+        }
+    }
+}
+
+#[test]
 fn layer_names_may_hold_dots_and_spaces() {
     for multipart in [false, true] {
         let (_folder, source, output) = folder();
@@ -295,14 +337,20 @@ fn denoised_files_open_denoised() {
             assert_eq!(layers, expected, "{what}");
         }
     }
-    // What only the part that is left out says is said by the next.
-    let (_folder, source, output) = folder();
-    let mut parts = composited(true, &[]);
-    parts[0].attributes = vec![("Frame".into(), "007".into())];
-    write(&source, parts, Style::new(Compression::ZIP16));
-    denoise(&source, &output, &Selection::default(), &WriteOptions::default());
-    assert_eq!(read_layout(&output).unwrap().frame, Some(7));
-    assert_eq!(read(&output).0.headers[0].own_attributes.layer_name.as_ref().unwrap().to_string(), "ViewLayer.Combined");
+    // What only the part in front says, left out or put last, is said by the one that comes first then: there others look for it.
+    for without_composite in [false, true] {
+        let (_folder, source, output) = folder();
+        let mut parts = composited(true, &[]);
+        parts.drain(..usize::from(without_composite));
+        parts[0].attributes =
+            [("Frame", "007"), ("colorInteropID", "data")].map(|(name, text)| (name.into(), text.into())).to_vec();
+        write(&source, parts, Style::new(Compression::ZIP16));
+        denoise(&source, &output, &Selection::default(), &WriteOptions::default());
+        let first = read(&output).0.headers.remove(0).own_attributes;
+        assert_eq!(first.layer_name.unwrap().to_string(), "ViewLayer.Combined");
+        // What describes the pixels of a part stays with them.
+        assert_eq!(first.other.keys().map(|name| name.to_string()).collect::<Vec<_>>(), ["Frame"], "{without_composite}");
+    }
     // An artist's own layer of that name is no such thing.
     let (_folder, source, output) = folder();
     write(&source, composited(true, &[("Composite.Mist", "Z")]), Style::new(Compression::ZIP16));

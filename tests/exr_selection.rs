@@ -170,6 +170,8 @@ fn files_without_a_beauty_are_refused_with_advice() {
     for (passes, advice) in [
         (vec![FULL[1], FULL[4]], "Passes › Data › Combined"),
         (vec![("", "Y")], "black and white"),
+        (vec![("ViewLayer.Combined", "Y")], "black and white"),
+        (vec![("ViewLayer.Combined", "rgba")], "has the channels a, b, g, r: save them as R, G and B"),
         (vec![("ViewLayer.CryptoObject00", "rgba")], "Passes › Data › Combined"),
     ] {
         let (_folder, layout) = layout_of(&passes, &[], Compression::ZIP16);

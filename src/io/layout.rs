@@ -175,7 +175,7 @@ impl ViewLayer {
 ///
 /// # Errors
 /// [`crate::Error::Io`] if the file cannot be opened; [`crate::Error::BadFile`] if it is no EXR file, is cut short in its header,
-/// claims an impossible size, or is of a kind that Hush does not read (deep, subsampled, mipmapped, HTJ2K).
+/// claims an impossible size, or is of a kind that Hush does not read (deep, subsampled, mipmapped, HTJ2K, LJ2K, ZSTD).
 pub fn read_layout(path: &Path) -> Result<Layout> {
     Ok(describe(path, &ExrFile::open(path)?))
 }

@@ -12,7 +12,7 @@ use ndarray::{CowArray, Ix2, s};
 use rayon::prelude::*;
 
 use super::codec;
-use super::container::{Prologue, RawChannel};
+use super::container::{Prologue, RawAttribute, RawChannel};
 use super::exr_file::{Chunk, ExrFile, parse_headers};
 use super::layout::{Layout, SampleType, ViewLayer};
 use super::names;
@@ -23,8 +23,18 @@ use super::selection::NOISY;
 use crate::error::{Error, Result};
 
 /// Attributes that describe one part.
-const PART_OWN: [&[u8]; 9] =
-    [b"channels", b"chunkCount", b"compression", b"dataWindow", b"lineOrder", b"name", b"tiles", b"type", b"view"];
+const PART_OWN: [&[u8]; 10] = [
+    b"channels",
+    b"chunkCount",
+    b"colorInteropID",
+    b"compression",
+    b"dataWindow",
+    b"lineOrder",
+    b"name",
+    b"tiles",
+    b"type",
+    b"view",
+];
 /// Largest finite half.
 const HALF_MAX: f32 = 65504.0;
 
@@ -100,11 +110,14 @@ impl OutputParts {
         let Some(place) = layout.part_list.get(part) else { return Ok(()) };
         // Blender 5 names the only part of a one-pass file after the pass, and then sees that pass alone: it wants a second part.
         let own_part = layout.multipart || place.name.as_ref().is_some_and(|n| !n.is_empty());
+        // A part with a view of its own needs none in the names of its channels.
+        let view = resolved.view.as_deref().filter(|&view| place.view.as_deref() != Some(view));
+        let noisy_name = |component| names::join(&resolved.layer, NOISY, view, component);
         let kept = resolved.colour.channels.iter().chain(&resolved.alpha);
         let mut added = Vec::new();
         for channel in kept.filter(|c| c.part == part) {
             let Some((raw, _)) = self.parts[part].channels.get(channel.index) else { continue };
-            let name = noisy_name(layout, resolved, &channel.component, !own_part);
+            let name = noisy_name(&channel.component);
             if name.len() > 255 {
                 return Err(Error::bad_file(&layout.path, "has layer names too long for adding the pass Noisy Image"));
             }
@@ -116,11 +129,14 @@ impl OutputParts {
         }
         self.prologue.make_multipart(&self.chunk_counts);
         let mut header = self.prologue.headers[part].clone();
-        let mut name = noisy_name(layout, resolved, "", false);
+        let mut name = noisy_name("");
         if let Some(view) = &place.view {
             name.push_str(&format!("-{view}"));
         }
         header.set("name", "string", name.into_bytes());
+        // Texts that not all parts have are the file's, and said once: manifests are long.
+        let everywhere = |name: &[u8]| self.prologue.headers.iter().all(|h| h.attributes.iter().any(|a| a.name == name));
+        header.attributes.retain(|a| a.kind != b"string" || PART_OWN.contains(&a.name.as_slice()) || everywhere(&a.name));
         self.prologue.headers.push(header);
         self.parts.push(PartDraft { source: part, added: true, channels: added });
         Ok(())
@@ -136,24 +152,31 @@ impl OutputParts {
         let parts = std::mem::take(&mut self.parts).into_iter().zip(headers);
         let (kept, empty): (Vec<_>, Vec<_>) = parts.partition(|(part, _)| !part.channels.is_empty());
         (self.parts, self.prologue.headers) = kept.into_iter().unzip();
+        self.give_to_first(empty.into_iter().flat_map(|(_, header)| header.attributes));
+    }
+
+    /// Adds what the first part lacks of another one's metadata: there Blender writes the metadata of a file, and looks for it.
+    fn give_to_first(&mut self, attributes: impl IntoIterator<Item = RawAttribute>) {
         let Some(first) = self.prologue.headers.first_mut() else { return };
-        for attribute in empty.into_iter().flat_map(|(_, header)| header.attributes) {
+        for attribute in attributes {
             if !PART_OWN.contains(&attribute.name.as_slice()) && !first.attributes.iter().any(|a| a.name == attribute.name) {
                 first.attributes.push(attribute);
             }
         }
     }
 
-    /// Puts the parts that hold nothing but this layer behind all others.
+    /// Puts the parts that hold nothing but this layer behind all others. The part that comes first then has the metadata too.
     pub fn put_last(&mut self, layer: &ViewLayer) {
         let channels = || layer.passes.iter().flat_map(|p| &p.channels);
         let within = |part: &PartDraft| {
             part.channels.iter().all(|(raw, _)| channels().any(|c| c.part == part.source && c.name.as_bytes() == raw.name))
         };
         let headers = std::mem::take(&mut self.prologue.headers);
+        let metadata = headers.first().map(|first| first.attributes.clone()).unwrap_or_default();
         let parts = std::mem::take(&mut self.parts).into_iter().zip(headers);
         let (last, first): (Vec<_>, Vec<_>) = parts.partition(|(part, _)| within(part));
         (self.parts, self.prologue.headers) = first.into_iter().chain(last).unzip();
+        self.give_to_first(metadata);
     }
 
     /// Adds a text attribute to every part, or replaces it.
@@ -189,12 +212,6 @@ impl OutputParts {
         });
         Ok(OutputFile { multipart: self.prologue.is_multipart(), parts: parts.collect(), prologue })
     }
-}
-
-/// `Layer.Noisy Image.Component`, with the view in it where the file's channel names hold views.
-fn noisy_name(layout: &Layout, resolved: &Resolved, component: &str, with_view: bool) -> String {
-    let view = resolved.view.as_deref().filter(|_| with_view && layout.part_list.iter().all(|p| p.view.is_none()));
-    names::join(&resolved.layer, NOISY, view, component)
 }
 
 impl OutputFile {

@@ -122,7 +122,14 @@ pub(super) fn no_beauty(layout: &Layout, layer: &ViewLayer, names: &PassNames) -
         let advice = format!("the view layer {} is there for motion vectors only: render the other view layers too", layer.name);
         return Error::MissingPass { path: layout.path.clone(), pass: "Combined".into(), advice };
     }
-    let advice = match layer.passes.iter().any(|p| p.name == "Combined") || (grey && layer.passes.len() == 1) {
+    let combined = layer.passes.iter().find(|p| p.name == "Combined");
+    // As another program saved it: lower-case letters, or whole numbers.
+    if let Some(combined) = combined.filter(|p| p.channels.len() >= 3) {
+        let letters: Vec<&str> = combined.channels.iter().map(|c| c.component.as_str()).collect();
+        let advice = format!("what is called so has the channels {}: save them as R, G and B, half or float", letters.join(", "));
+        return Error::MissingPass { path: layout.path.clone(), pass: "Combined".into(), advice };
+    }
+    let advice = match combined.is_some() || (grey && layer.passes.len() == 1) {
         true => "the image is black and white: render with Output › Color › RGB or RGBA",
         false => "enable View Layer › Passes › Data › Combined, or name a File Output layer Image",
     };

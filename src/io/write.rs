@@ -71,13 +71,10 @@ pub fn write_views(layout: &Layout, views: &[(&Resolved, &Denoised)], options: &
     }
     // What a viewer shows first is to be the denoised image.
     let denoised = |name: &str| views.iter().any(|(resolved, _)| resolved.layer == name);
-    for layer in layout.layers.iter().filter(|l| !denoised(&l.name)) {
-        if layer.is_composite() {
-            parts.leave_out(layer);
-        } else if made_for_vectors(&layer.name) {
-            parts.put_last(layer);
-        }
-    }
+    let others = || layout.layers.iter().filter(|l| !denoised(&l.name));
+    // Left out last, so that the metadata goes to the part that comes first in the end.
+    others().filter(|l| made_for_vectors(&l.name)).for_each(|layer| parts.put_last(layer));
+    others().filter(|l| l.is_composite()).for_each(|layer| parts.leave_out(layer));
     for (name, value) in &options.attributes {
         parts.set_attribute(name, value)?;
     }
