@@ -11,6 +11,8 @@ use exr::block::reader::ChunksReader;
 use exr::block::writer::ChunksWriter;
 use exr::prelude::{Compression, IntegerBounds, LineOrder, SampleType, Text, Vec2, f16};
 
+pub mod halved;
+
 /// The test image's columns and rows: odd, and more rows than a chunk of any codec but DWAB has.
 pub const SIZE: (usize, usize) = (37, 70);
 
