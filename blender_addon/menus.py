@@ -105,14 +105,15 @@ def _insert_where_it_goes_past(scene: bpy.types.Scene) -> int:
 
 
 def _source(tree: bpy.types.NodeTree, scene: bpy.types.Scene) -> bpy.types.NodeSocket | None:
-    """Where a tree gets the rendered image from, if it does: this scene's come first, of view layers that are rendered, and linked ones."""
+    """Where a tree gets the rendered image from, if it does: this scene's come first, of view layers that are rendered, and those that are
+    composited."""
     layers = [each for each in tree.nodes if each.bl_idname == kinds.RENDER_LAYERS]
     found = [each.outputs[name] for name in flow.IMAGES for each in layers if name in each.outputs and each.outputs[name].enabled]
     given = compat.render_input(tree, scene)
     found += [given.outputs[0]] if given is not None else []
     is_other = lambda socket: getattr(socket.node, "scene", None) not in (scene, None)
     is_off = lambda socket: not is_other(socket) and getattr(socket.node, "layer", scene.view_layers[0].name) not in shot.layers(scene)
-    return min(found, key=lambda socket: (is_other(socket), is_off(socket), not socket.is_linked), default=None)
+    return min(found, key=lambda socket: (is_other(socket), is_off(socket), not flow.is_composited(socket)), default=None)
 
 
 def _tree_for(scene: bpy.types.Scene) -> bpy.types.NodeTree:

@@ -322,6 +322,7 @@ FOR_ARTISTS = (
         r"choose another output folder or set overwrite to true to replace what is there",
         "choose another folder under Denoised Frames, or delete them",
     ),
+    (r"denoise again and set overwrite to true", "choose another folder under Denoised Frames"),
     (r",? or set overwrite to true", ", or choose another folder under Denoised Frames"),
     (r"set enable to true to denoise it all the same", "ask who prepared the shot"),
 )

@@ -35,7 +35,7 @@
 //! Programs to begin with stand in the folder `examples`.
 
 #![warn(missing_docs, clippy::undocumented_unsafe_blocks)]
-#![cfg_attr(not(feature = "internals"), warn(missing_debug_implementations))]
+#![cfg_attr(not(any(feature = "internals", feature = "python")), warn(missing_debug_implementations))]
 
 #[doc(hidden)]
 pub mod cli;

@@ -233,7 +233,6 @@ fn neighbours_that_do_not_fit_are_left_out() {
     same("a light pass less", changed(&|f| f.aovs.truncate(1)));
     same("light passes in another order", changed(&|f| f.aovs.reverse()));
     same("another light pass", changed(&|f| f.aovs[0].name = "Other".into()));
-    same("no alpha", changed(&|f| f.alpha = None));
     let two = encode(&SMALL, [full(1, rows, columns), full(2, rows, columns)]);
     for offsets in [[0, 0], [-2, 2], [4, -4], [3, -3], [i32::MIN, i32::MAX]] {
         let found = SMALL.denoise(&centre, &at(&offsets, &two), 1.0).unwrap();

@@ -41,7 +41,7 @@ def past(scene: bpy.types.Scene) -> list[_Given]:
     for tree, node in flow.places:
         images = [given for given in node.outputs if given.enabled and _is_image(tree, given, scene)] if not node.mute else []
         for given in images:
-            if given not in taken and _layer(node, scene) in denoised and any(_counts(link) for link in given.links):
+            if given not in taken and _layer(node, scene) in denoised and is_composited(given):
                 found.append((tree, given))
     return found
 
@@ -94,8 +94,18 @@ def _is_image(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, scene: bpy
     return node == compat.render_input(tree, scene) and socket == node.outputs[0]
 
 
-def _counts(link: bpy.types.NodeLink) -> bool:
-    return not link.is_muted and link.to_node.bl_idname not in _ASIDE
+def is_composited(socket: bpy.types.NodeSocket) -> bool:
+    """Whether a socket's image goes somewhere else than aside, through reroutes or not."""
+    waiting, seen = list(socket.links), set()
+    while waiting:
+        link = waiting.pop()
+        if link.is_muted or link.to_node.bl_idname in _ASIDE or link.to_node in seen:
+            continue
+        if link.to_node.bl_idname != "NodeReroute":
+            return True
+        seen.add(link.to_node)
+        waiting += link.to_node.outputs[0].links
+    return False
 
 
 class _Flow:
