@@ -155,8 +155,13 @@ impl Layered {
     /// # Errors
     /// [`Error::BadSetting`] where no source names one.
     pub fn output(&self) -> Result<PathBuf> {
-        let reason = "no folder to write to is known: set output to DIR, or write it into hush.toml";
-        self.values.output.clone().ok_or_else(|| Error::BadSetting { name: "output", reason: reason.into() })
+        let missing = || {
+            let advice = "no folder to write to is known: set output to DIR, or write it into hush.toml";
+            // One of them may be a misspelt name of this setting.
+            let reason = [advice].into_iter().chain(self.notes.iter().map(String::as_str)).collect::<Vec<_>>().join("; ");
+            Error::BadSetting { name: "output", reason }
+        };
+        self.values.output.clone().ok_or_else(missing)
     }
 }
 
@@ -167,6 +172,13 @@ mod tests {
     fn layered(json: &str, option: &str) -> Layered {
         let values = serde_json::from_str(json).unwrap();
         Layered::new(values, |name| Origin::CommandLine { option: format!("{option} {name}") })
+    }
+
+    #[test]
+    fn without_an_output_what_was_odd_is_told() {
+        let noted = Layered { notes: vec!["hush:outputt is unknown: hush:output?".into()], ..Layered::default() };
+        assert!(noted.output().unwrap_err().to_string().ends_with("hush.toml; hush:outputt is unknown: hush:output?"));
+        assert!(Layered::default().output().unwrap_err().to_string().ends_with("hush.toml"));
     }
 
     #[test]
