@@ -122,11 +122,16 @@ def _lambda_mask_problems(scene: bpy.types.Scene) -> Iterator[Problem]:
 def _node_problems(scene: bpy.types.Scene) -> Iterator[Problem]:
     for message, name in node.faults(scene):
         yield problem("node", message, fix_in=scene.name, node=name)
-    for name in flow.denoised_again(scene):
-        yield problem("denoised_again", "denoised_again", node=name)
+    yield from composite_problems(scene)
     layers = flow.lost_layers(scene)
     if layers:
         yield problem("noisy_image", "noisy_image", fix_in=scene.name, layers=messages.listed(layers))
+
+
+def composite_problems(scene: bpy.types.Scene) -> Iterator[Problem]:
+    """What is denoised twice in a composite of the denoised frames, and what stays noisy."""
+    for name in flow.denoised_again(scene):
+        yield problem("denoised_again", "denoised_again", node=name)
     layers = flow.past_layers(scene)
     if layers:
         yield problem("past_node", "past_node", layers=messages.listed(layers))

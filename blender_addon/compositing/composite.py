@@ -16,8 +16,8 @@ import bpy
 from bpy.props import BoolProperty
 
 from .. import exr, messages, refresh
+from ..checks.scene import composite_problems
 from ..jobs import background, job
-from ..nodes import flow
 from . import contents
 from .verdicts import in_words
 
@@ -82,9 +82,7 @@ def start(scene: bpy.types.Scene, *, allow_stale: bool = False) -> CompositeJob:
     what.work |= {"module": "compositing.run", "path": _import_path(), "scripts": scripts}
     blend = contents.save_copy(scene, scripts=scripts)
     made = job.start(lambda: CompositeJob(scene.name, what, blend, command))
-    made.warnings += [messages.text("denoised_again", node=name) for name in flow.denoised_again(scene)]
-    layers = flow.past_layers(scene)
-    made.warnings += [messages.text("past_node", layers=messages.listed(layers))] if layers else []
+    made.warnings += [problem.text for problem in composite_problems(scene)]
     return made
 
 
