@@ -87,14 +87,13 @@ pub(super) fn report(args: &ReportArgs, catch_signals: CatchSignals) -> Result<E
         bar.set_length(all as u64);
         bar.set_position(done as u64);
     };
-    let unless_stopped = || if cancel.is_cancelled() { Err(Error::Cancelled) } else { Ok(()) };
     let measured = measure(&scope, &engine, &options, &progress, &cancel).and_then(|mut measured| {
-        unless_stopped()?;
+        cancel.check()?;
         if args.stability {
             let weights = Weights::open(values.model.as_deref(), values.renderer.as_deref())?;
             measured.report.stability = stability::run(&weights, 0, &|done, all, _| {
                 progress(done, all);
-                unless_stopped()
+                cancel.check()
             })?;
         }
         Ok(measured)

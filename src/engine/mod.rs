@@ -259,10 +259,8 @@ impl Engine {
         listener: Listener<'_>,
     ) -> Result<(Denoised, LeftOut)> {
         let dial = self.checked(lambda.into(), centre, neighbours)?;
-        let stand_ins = self.stand_ins(centre, neighbours);
-        let (centre, neighbours) = stand_ins.window(centre, neighbours);
-        Ok(self.in_pool(|| {
-            let (first, left_out) = self.run(&self.work(centre, &neighbours, skip), dial, listener);
+        Ok(self.with_window(centre, neighbours, |centre, neighbours| {
+            let (first, left_out) = self.run(&self.work(centre, neighbours, skip), dial, listener);
             (self.clock.time(Stage::Unpack, || first.denoised()), left_out)
         }))
     }
@@ -280,9 +278,9 @@ impl Engine {
         listener: Listener<'_>,
     ) -> Result<(FirstPass, LeftOut)> {
         let dial = self.checked(lambda.into(), centre, neighbours)?;
-        let stand_ins = self.stand_ins(centre, neighbours);
-        let (centre, neighbours) = stand_ins.window(centre, neighbours);
-        Ok(self.in_pool(|| self.run(&self.then_second(self.work(centre, &neighbours, self.settings.skip)), dial, listener)))
+        Ok(self.with_window(centre, neighbours, |centre, neighbours| {
+            self.run(&self.then_second(self.work(centre, neighbours, self.settings.skip)), dial, listener)
+        }))
     }
 
     /// The dial in its range, for frames that this engine encoded.
@@ -300,10 +298,8 @@ impl Engine {
     /// What `skip` leaves out of `centre`; arguments as for [`denoise`](Self::denoise), and frames that were only
     /// [looked at](Self::look) do. A neighbour counts as untrusted if no pixel of the whole frame may use it.
     pub fn left_out(&self, centre: &EncodedFrame, neighbours: &[(i32, &EncodedFrame)], skip: Skip) -> LeftOut {
-        let stand_ins = self.stand_ins(centre, neighbours);
-        let (centre, neighbours) = stand_ins.window(centre, neighbours);
-        self.in_pool(|| {
-            let work = self.work(centre, &neighbours, skip);
+        self.with_window(centre, neighbours, |centre, neighbours| {
+            let work = self.work(centre, neighbours, skip);
             let used = |path: &Path| {
                 let frames: Vec<&PackedFrame> = path.frames.iter().map(|f| &f.packed).collect();
                 !skip.untrusted || any_trusted(&frames, (path.offset, path.is_still()))
@@ -314,11 +310,11 @@ impl Engine {
 
     /// What denoising `centre` holds in memory besides the images; arguments as for [`denoise`](Self::denoise).
     pub fn footprint(&self, centre: &EncodedFrame, neighbours: &[(i32, &EncodedFrame)]) -> Footprint {
-        let stand_ins = self.stand_ins(centre, neighbours);
-        let (centre, neighbours) = stand_ins.window(centre, neighbours);
-        let work = self.work(centre, &neighbours, self.settings.skip);
-        let area = self.tiles(&work).0.iter().map(|t| t.region.area()).max().unwrap_or(0);
-        Footprint { window: work.window_bytes(), tile: area * self.bytes_per_pixel(&work.channels, work.paths.len()) }
+        self.with_window(centre, neighbours, |centre, neighbours| {
+            let work = self.work(centre, neighbours, self.settings.skip);
+            let area = self.tiles(&work).0.iter().map(|t| t.region.area()).max().unwrap_or(0);
+            Footprint { window: work.window_bytes(), tile: area * self.bytes_per_pixel(&work.channels, work.paths.len()) }
+        })
     }
 
     /// Half-resolution pixels around a part of the frame that its result depends on.

@@ -3,24 +3,6 @@
 use super::{EncodedFrame, Engine};
 use crate::frame::ranges::Ranges;
 
-/// Stand-ins for the frames of a window that came without alpha where others came with one: an alpha of 1 all over is not even read.
-pub(super) struct StandIns {
-    centre: Option<EncodedFrame>,
-    neighbours: Vec<Option<EncodedFrame>>,
-}
-
-impl StandIns {
-    /// The window with these in it.
-    pub fn window<'a>(
-        &'a self,
-        centre: &'a EncodedFrame,
-        neighbours: &[(i32, &'a EncodedFrame)],
-    ) -> (&'a EncodedFrame, Vec<(i32, &'a EncodedFrame)>) {
-        let near = neighbours.iter().zip(&self.neighbours).map(|((offset, given), own)| (*offset, own.as_ref().unwrap_or(given)));
-        (self.centre.as_ref().unwrap_or(centre), near.collect())
-    }
-}
-
 impl EncodedFrame {
     /// Whether another frame's pixels are of the same kind, but for alpha. Colours divided by an albedo and colours that are not cannot be
     /// averaged.
@@ -31,16 +13,27 @@ impl EncodedFrame {
 }
 
 impl Engine {
-    /// What stands in for frames without alpha, where some that can be averaged with the centre have one.
-    pub(super) fn stand_ins(&self, centre: &EncodedFrame, neighbours: &[(i32, &EncodedFrame)]) -> StandIns {
+    /// Does some work in the engine's threads with a frame and those around it. Where some that can be averaged came with an alpha, others
+    /// stand in for those without: an alpha of 1 all over is not even read.
+    pub(super) fn with_window<T: Send>(
+        &self,
+        centre: &EncodedFrame,
+        neighbours: &[(i32, &EncodedFrame)],
+        work: impl FnOnce(&EncodedFrame, &[(i32, &EncodedFrame)]) -> T + Send,
+    ) -> T {
         let fitting = || neighbours.iter().map(|n| n.1).filter(|f| f.fits(centre)).chain([centre]);
         let is_mixed = fitting().any(EncodedFrame::has_alpha) && !fitting().all(EncodedFrame::has_alpha);
-        let opaque = |frame: &EncodedFrame| {
+        let stand_in = |frame: &EncodedFrame| {
             (is_mixed && frame.fits(centre) && !frame.has_alpha()).then(|| {
                 let packed = frame.packed.with_opaque_alpha(&self.buffers);
                 EncodedFrame { ranges: Ranges::new(&packed), packed, features: frame.features.clone() }
             })
         };
-        self.in_pool(|| StandIns { centre: opaque(centre), neighbours: neighbours.iter().map(|n| opaque(n.1)).collect() })
+        self.in_pool(|| {
+            let (own, near) = (stand_in(centre), neighbours.iter().map(|n| stand_in(n.1)).collect::<Vec<_>>());
+            let neighbours: Vec<(i32, &EncodedFrame)> =
+                neighbours.iter().zip(&near).map(|((offset, given), near)| (*offset, near.as_ref().unwrap_or(given))).collect();
+            work(own.as_ref().unwrap_or(centre), &neighbours)
+        })
     }
 }

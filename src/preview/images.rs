@@ -136,9 +136,7 @@ pub fn preview(
         for &radius in &windows {
             for &lambda in &request.lambdas {
                 let made = |target: &TargetFrame| -> Result<_> {
-                    if cancel.is_cancelled() {
-                        return Err(Error::Cancelled);
-                    }
+                    cancel.check()?;
                     let made = window.denoise(engine, target, radius, (lambda, request.lambda_masked))?;
                     step();
                     Ok(made)

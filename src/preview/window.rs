@@ -70,9 +70,7 @@ impl PreviewWindow {
         let (mut frames, mut checks, mut notes) = (BTreeMap::new(), PixelChecks::default(), Vec::new());
         let mut window = None;
         for number in numbers {
-            if cancel.is_cancelled() {
-                return Err(Error::Cancelled);
-            }
+            cancel.check()?;
             let reach = (engine.identity().context(most) - most) as u64;
             let is_denoised = targets.iter().any(|t| t.number.abs_diff(number) <= reach);
             let frame = match engine.in_pool(|| scope.read_image(number, image, is_denoised)) {

@@ -221,9 +221,7 @@ impl Measurement<'_> {
                 // Another one begins each time, and every second round runs backwards.
                 let turn = if repeat % 2 == 0 { turn } else { count - 1 - turn };
                 let i = (turn + repeat + self.measured.len()) % count;
-                if self.cancel.is_cancelled() {
-                    return Err(Error::Cancelled);
-                }
+                self.cancel.check()?;
                 let candidate = &self.candidates[i];
                 if let Some(setting) = candidate.hush() {
                     let run = self.hush.run(number, setting)?;
@@ -335,9 +333,7 @@ impl Measurement<'_> {
 
 /// The first view of a frame.
 fn read(scope: &Scope, cancel: &CancelToken, number: i64) -> Result<Frame> {
-    if cancel.is_cancelled() {
-        return Err(Error::Cancelled);
-    }
+    cancel.check()?;
     let first = scope.read(number)?.into_iter().next();
     first.ok_or_else(|| Error::BadInput { input: format!("frame {number}"), reason: "holds no image".into() })
 }

@@ -180,9 +180,7 @@ impl Look<'_> {
     fn load(&mut self, engine: &Engine, number: i64, around: &[(i32, i64)], cancel: &CancelToken) -> Result<()> {
         self.ring.retain(|n, _| *n == number || around.iter().any(|(_, a)| a == n));
         for n in around.iter().map(|(_, n)| *n).chain([number]) {
-            if cancel.is_cancelled() {
-                return Err(Error::Cancelled);
-            }
+            cancel.check()?;
             if self.ring.contains_key(&n) || self.failed.contains_key(&n) {
                 continue;
             }
@@ -222,9 +220,7 @@ fn time(scope: &Scope, engine: &Engine, skip: Skip, frames: &[SurveyedFrame], ca
     let (mut with, mut without) = (Vec::new(), Vec::new());
     for _ in 0..TRIES {
         for (skip, to) in [(skip, &mut with), (Skip::NONE, &mut without)] {
-            if cancel.is_cancelled() {
-                return Err(Error::Cancelled);
-            }
+            cancel.check()?;
             let began = Instant::now();
             for (view, centre) in centre.iter().enumerate() {
                 let near: Vec<(i32, &EncodedFrame)> =
