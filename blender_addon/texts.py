@@ -296,6 +296,7 @@ STALE = {
     "skip": "what is left out changed",
     "second_pass": "Second Pass changed",
     "model": "this Hush has other weights",
+    "revision": "this Hush denoises it differently",
     "renderer": "the renderer changed",
     "several": "several settings changed",
     "input_changed": "the render changed",

@@ -54,6 +54,24 @@ fn other_settings_make_the_frames_again_and_say_so() {
 }
 
 #[test]
+fn what_a_hush_made_that_denoises_differently_is_made_again() {
+    let shot = Shot::new(1..=3, Look::default());
+    shot.run(&shot.job());
+    let path = shot.output(1).with_file_name(MANIFEST);
+    let written = fs::read_to_string(&path).unwrap();
+    let this = format!("\"revision\": {}", hush::engine::REVISION);
+    assert_eq!(written.matches(&this).count(), 1, "{written}");
+    fs::write(&path, written.replace(&this, "\"revision\": 0")).unwrap();
+    let checked = SequenceCheck::new().check(&shot.job()).unwrap();
+    assert!(checked.frames.iter().all(|f| f.kind == Some(StaleKind::Revision)), "{:?}", checked.frames);
+    let outcome = shot.run(&shot.job());
+    assert_eq!(outcome.log.with(Status::Denoised), [1, 2, 3]);
+    let (kind, text) = &outcome.log.warnings[0];
+    assert!(kind == "redone" && text.contains("this Hush denoises it differently from Hush 0.1"), "{text}");
+    assert_eq!(shot.run(&shot.job()).log.with(Status::Skipped), [1, 2, 3]);
+}
+
+#[test]
 fn where_lambda_follows_keys_only_the_frames_that_it_changes_are_made_again() {
     let shot = Shot::new(1..=4, Look::default());
     let job = |lambda: &str| shot.job().with(|s| s.lambda = Some(lambda.parse().unwrap()));

@@ -10,9 +10,15 @@ use crate::network::renderers::DEFAULT_RENDERER;
 use crate::network::weights::{embedded_second_pass, has_second_pass};
 use crate::rules::skip::{RULES, Rule, Skip};
 
+/// Counted up with every change of the code that makes another frame of the same input, weights and settings: how a file is read, what is
+/// left out, the engine. `tests/engine_revision.rs` notices it.
+pub const REVISION: u32 = 1;
+
 /// What an engine is made of.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Identity {
+    /// [`REVISION`] of the code.
+    pub revision: u32,
     /// The weights.
     pub model: ModelId,
     /// The renderer whose encoder is used; None for Cycles and where nothing was said.
@@ -44,7 +50,13 @@ impl Identity {
 
     pub(super) fn new(model: ModelId, renderer: Option<&str>, skip: Skip, second_pass: bool) -> Self {
         let renderer = renderer.map(str::to_ascii_lowercase).filter(|name| name != DEFAULT_RENDERER);
-        Self { model, renderer, skip: RULES.into_iter().filter(|rule| skip.has(*rule)).collect(), second_pass }
+        Self {
+            revision: REVISION,
+            model,
+            renderer,
+            skip: RULES.into_iter().filter(|rule| skip.has(*rule)).collect(),
+            second_pass,
+        }
     }
 
     /// Frames on each side that a frame depends on, with a window of so many: after a second pass on those of its neighbours too.

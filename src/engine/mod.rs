@@ -7,7 +7,7 @@ use clock::Clock;
 pub use clock::{STAGES, Stage};
 pub use denoiser::Denoiser;
 pub use first_pass::FirstPass;
-pub use identity::{Identity, ModelId};
+pub use identity::{Identity, ModelId, REVISION};
 use paths::Path;
 pub use settings::Settings;
 pub use steps::{Listener, SILENT};

@@ -29,6 +29,8 @@ pub enum StaleKind {
     InputMissing,
     /// The rendered frame is damaged.
     InputDamaged,
+    /// This Hush makes another frame of the same input, weights and settings.
+    Revision,
     /// The image that is the mask of λ is another one, came or went.
     LambdaImage,
     /// A frame beside it changed, came or went, or its λ did where the second pass takes its result.
@@ -91,6 +93,9 @@ pub(super) fn why_stale(
         Status::Denoised | Status::Skipped => {}
     }
     let then = manifest.settings.get(&entry.settings);
+    if then.is_some_and(|then| then.engine.revision != wanted.settings.engine.revision) {
+        return stale(StaleKind::Revision, &format!("this Hush denoises it differently from Hush {}, which made it", entry.hush));
+    }
     if then != Some(wanted.settings) {
         return Some(settings_changed(then, wanted.settings));
     }

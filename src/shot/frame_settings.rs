@@ -105,6 +105,8 @@ impl<'de> Deserialize<'de> for FrameSettings {
             #[serde(default)]
             lambda_masked: Option<f32>,
             window: usize,
+            #[serde(default = "first_revision")]
+            revision: u32,
             model: ModelId,
             #[serde(default)]
             renderer: Option<String>,
@@ -119,7 +121,7 @@ impl<'de> Deserialize<'de> for FrameSettings {
             Value::Object(flags) => flags.into_iter().filter(|(_, on)| *on == Value::Bool(true)).map(|(name, _)| name).collect(),
             list => list,
         };
-        let Written { lambda, lambda_masked, window, model, renderer, skip, second_pass, others: written } =
+        let Written { lambda, lambda_masked, window, revision, model, renderer, skip, second_pass, others: written } =
             Written::deserialize(from)?;
         let mut rules = skip.map_or_else(|| json!(crate::rules::skip::RULES), flags);
         if let Some(rules) = rules.as_array_mut() {
@@ -139,8 +141,13 @@ impl<'de> Deserialize<'de> for FrameSettings {
             let value = ordered(setting.name, value).and_then(|value| setting.unusual(value));
             others.extend(value.map(|value| (setting.name.to_owned(), value)));
         }
-        Ok(Self { lambda, lambda_masked, window, engine: Identity { model, renderer, skip, second_pass }, others })
+        Ok(Self { lambda, lambda_masked, window, engine: Identity { revision, model, renderer, skip, second_pass }, others })
     }
+}
+
+/// That of manifests which do not tell it.
+fn first_revision() -> u32 {
+    1
 }
 
 /// A value in its one form; None where it is none for the setting.

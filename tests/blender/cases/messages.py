@@ -91,8 +91,8 @@ def test_problems_name_a_button_or_a_field() -> None:
 def test_reasons_of_the_library() -> None:
     kinds = (
         "lambda, lambda_masked, lambda_pass, lambda_images, lambda_image, window, layers, view, vector_layer, guides, passes, aovs, "
-        "keep_noisy, skip, second_pass, model, renderer, several, input_changed, input_missing, input_damaged, neighbours, output_damaged, "
-        "output_changed, unfinished, failed, foreign"
+        "keep_noisy, skip, second_pass, model, revision, renderer, several, input_changed, input_missing, input_damaged, neighbours, "
+        "output_damaged, output_changed, unfinished, failed, foreign"
     )
     for kind in kinds.split(", "):
         assert messages.stale(kind) == messages.STALE[kind]
