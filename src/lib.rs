@@ -31,12 +31,16 @@
 //!    part of one frame with several settings.
 //! 7. [`enum@Error`] is the one type of error: it names the file or the setting, and says what to do.
 //!
+//! Cargo's feature `program`, on by default, brings 6. and the command line with all that they depend on; `usd` the reader of stages.
+//!
 //! Data flows one way: `io` → `frame` → `tiles` → `network` → `kernels` → `io`; [`engine`] runs that chain over a window of frames.
 //! Programs to begin with stand in the folder `examples`.
 
+#![cfg_attr(not(feature = "program"), allow(dead_code, unused_imports, reason = "what the program alone asks for"))]
 #![warn(missing_docs, clippy::undocumented_unsafe_blocks)]
 #![cfg_attr(not(any(feature = "internals", feature = "python")), warn(missing_debug_implementations))]
 
+#[cfg(feature = "program")]
 #[doc(hidden)]
 pub mod cli;
 pub mod engine;
@@ -46,19 +50,25 @@ pub mod io;
 mod kernels;
 mod layers;
 mod memory;
+#[cfg(feature = "program")]
 mod metrics;
 mod network;
+#[cfg(feature = "program")]
 mod picture;
+#[cfg(feature = "program")]
 pub mod preview;
 #[cfg(feature = "python")]
 mod python;
+#[cfg(feature = "program")]
 mod report;
 mod rules;
 pub mod settings;
 pub mod shot;
 mod simd;
+#[cfg(feature = "program")]
 mod stability;
 mod tiles;
+#[cfg(feature = "program")]
 pub mod watch;
 mod words;
 
