@@ -185,3 +185,23 @@ fn neighbours_without_a_pixel_are_counted_before_anything_is_computed() {
     assert_eq!(before.untrusted, 4);
     assert_eq!(engine.denoise_with(&encoded[CENTRE], &around, 1.0, engine.skip(), SILENT).unwrap().1, before);
 }
+
+#[test]
+fn a_bad_colour_leaves_an_alpha_of_1_as_it_is() {
+    let spoilt = |opaque: Option<f32>, alpha: Option<f32>| {
+        let frames = (0..5).map(|t| {
+            let mut frame = full(t, 61, 83);
+            frame.alpha = opaque.map(|a| Array2::from_elem((61, 83), a));
+            frame.colour.slice_mut(s![20..24, 30..34, 0]).fill(f32::NAN);
+            frame.alpha.iter_mut().zip(alpha).for_each(|(to, alpha)| to[[40, 40]] = alpha);
+            frame
+        });
+        run(&small(), &frames.collect::<Vec<Frame>>())
+    };
+    let ((with, left_out), (without, _)) = (spoilt(Some(1.0), None), spoilt(None, None));
+    assert!(left_out.alpha && with.alpha.unwrap().iter().all(|a| *a == 1.0));
+    assert!(with.colour == without.colour, "a frame without alpha is one with an alpha of 1");
+    for alpha in [f32::NAN, 0.999] {
+        assert!(!spoilt(Some(1.0), Some(alpha)).1.alpha, "{alpha}");
+    }
+}

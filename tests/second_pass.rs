@@ -6,7 +6,7 @@ mod engine_support;
 use std::path::PathBuf;
 
 use common::{Look, Shot, name, write_mask};
-use engine_support::{SMALL_MODEL, around, bits, denoise, encode, full, noise, plain, small, small_of};
+use engine_support::{SMALL_MODEL, around, bits, denoise, encode, full, noise, plain, small, small_of, small_skipping};
 use hush::engine::{SILENT, Skip, Weights};
 use hush::io::Selection;
 use hush::io::sequence::Sequence;
@@ -310,4 +310,40 @@ fn a_frame_without_alpha_is_one_with_an_alpha_of_1() {
     let (without, with) = (frames(None), frames(Some(1.0)));
     // Frame 3 sees through the last one in its first pass, frame 2 in its second only.
     (2..=4).for_each(|centre| assert!(of(&without, centre) == of(&with, centre), "{centre}"));
+}
+
+#[test]
+fn flat_parts_keep_their_pixels_though_frames_beyond_the_first_window_differ() {
+    let engine = small();
+    // Frame 2 sees frames of one value. Frame 3 sees the last, which is brighter, and so is its result.
+    let frame = |t: usize| {
+        let colour = Array3::from_elem((24, 40, 3), if t < 4 { 0.4 } else { 0.44 });
+        Frame { vector: Some(Array3::zeros((24, 40, 4))), ..Frame::new(colour) }
+    };
+    let frames = encode(&engine, (0..5).map(frame));
+    let passes = passes(&engine, &frames, 1);
+    assert!(second(&engine, &passes, 3, 1).colour.iter().any(|v| *v > 0.401));
+    assert!(second(&engine, &passes, 2, 1).colour.iter().all(|v| *v == 0.4));
+}
+
+#[test]
+fn what_is_left_out_does_not_decide_whether_there_is_an_alpha() {
+    // Frame 2 lacks vectors: frame 1 sees no alpha but 1, beside one that is not.
+    let frame = |t: u64| {
+        let mut frame = full(t, 24, 40);
+        if t < 3 {
+            frame.alpha = None;
+        }
+        if t == 2 {
+            frame.vector = None;
+        }
+        frame
+    };
+    let of = |skip| {
+        let engine = small_skipping(skip);
+        let frames = encode(&engine, (0..4).map(frame));
+        second(&engine, &passes(&engine, &frames, 1), 1, 1).alpha
+    };
+    let (with, without) = (of(Skip::default()), of(Skip { opaque: false, ..Skip::default() }));
+    assert!(with.unwrap().iter().zip(&without.unwrap()).all(|(a, b)| *a == 1.0 && (a - b).abs() < 1e-6));
 }

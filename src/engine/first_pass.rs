@@ -113,9 +113,9 @@ impl FirstPass {
             .map_or(Cow::Borrowed(&self.image), |whole| Cow::Owned(whole.as_standard_layout().into_owned()))
     }
 
-    /// This frame with another image, of these channels.
-    pub(super) fn shown(&self, image: Array3<f32>, alpha: bool) -> Denoised {
-        unpack(image, (self.rows, self.columns), (self.has_alpha, alpha), &self.aov_names)
+    /// This frame with another image; `alpha`: whether it has one, and whether it is among the values.
+    pub(super) fn shown(&self, image: Array3<f32>, alpha: (bool, bool)) -> Denoised {
+        unpack(image, (self.rows, self.columns), alpha, &self.aov_names)
     }
 
     /// The result, where there is no second pass.

@@ -44,7 +44,7 @@ impl Engine {
         };
         let around: Vec<Around> = centre.offsets.iter().enumerate().filter_map(around).collect();
         if around.is_empty() {
-            return centre.shown(centre.image.clone(), centre.channels.alpha);
+            return centre.shown(centre.image.clone(), (centre.has_alpha, centre.channels.alpha));
         }
         let alpha = centre.channels.alpha || around.iter().any(|a| a.neighbour().channels.alpha);
         let image = centre.image_with(alpha);
@@ -57,6 +57,7 @@ impl Engine {
         });
         let near: Vec<Near> = near.collect();
         let own = Own { image: &image, exposure: centre.exposure, seen: &centre.seen, count: centre.offsets.len() };
-        centre.shown(second_pass(self.isa, own, &near), alpha)
+        let has_alpha = centre.has_alpha || around.iter().any(|a| a.neighbour().has_alpha);
+        centre.shown(second_pass(self.isa, own, &near), (has_alpha, alpha))
     }
 }

@@ -78,7 +78,8 @@ impl Ranges {
             blocks
         });
         let still = frame.vectors.as_ref().is_none_or(|v| v.par_iter().all(|v| *v == [0.0; 4]));
-        let opaque = !frame.has_alpha || values.iter().skip(BASE).step_by(channels).all(|a| *a == Range { low: 1.0, high: 1.0 });
+        // Not by the ranges: a bad colour says nothing about alpha. One that is itself bad is 0 here.
+        let opaque = !frame.has_alpha || frame.groups[1].par_iter().all(|extra| extra[0] == 1.0);
         Self { rows, columns, channels, values, vectors, still, opaque }
     }
 

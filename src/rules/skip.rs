@@ -14,9 +14,10 @@ use crate::error::Error;
 pub enum Rule {
     /// Blocks where every pixel that could be averaged, in all frames of the window, lies within 2⁻¹² of the others relative to
     /// them: background, flat and converged parts. They keep their own rendered pixels, within half a float16 step of what would
-    /// have been computed. The second pass leaves them out too.
+    /// have been computed in the first pass. The second pass leaves them out too, though the frames around it see farther.
     Constant,
-    /// Alpha that is 1 all over the window is not filtered. Exact: the sum of the weights may be a rounding, 6e-8, below 1.
+    /// Alpha that is 1 all over the window is not filtered. Exact: the sum of the weights may be a rounding, 6e-8, below 1, and is 0
+    /// only inside a hole that nothing fills.
     Opaque,
     /// Neighbours that no pixel of a tile may use (they moved out of the frame, or their pixels are bad). Exact.
     Untrusted,
