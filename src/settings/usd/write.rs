@@ -21,8 +21,9 @@ const API: &str = "HushAPI";
 /// Where settings go that lie over no stage.
 const OWN_PRIM: &str = "/Render/Denoise";
 /// Metadata of a stage's root layer that do not come through a sublayer.
-const KEPT: [&str; 8] = [
+const KEPT: [&str; 9] = [
     "defaultPrim",
+    "expressionVariables",
     "startTimeCode",
     "endTimeCode",
     "timeCodesPerSecond",
