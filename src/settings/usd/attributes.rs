@@ -49,6 +49,8 @@ struct Opinion {
     path: sdf::Path,
     /// It has time samples; they count more than a default in the same layer.
     samples: bool,
+    /// It has a curve, which counts less than samples and more than a default.
+    spline: bool,
 }
 
 /// The first layer that says a value. openusd prefers the time samples of any layer, USD those of the strongest layer only.
@@ -58,8 +60,9 @@ fn opinion(attribute: &Attribute) -> Result<Option<Opinion>, String> {
         let Some(layer) = stage.layer(&name) else { continue };
         let Some(spec) = layer.attribute(path.clone()) else { continue };
         let samples = spec.has_field(FieldKey::TimeSamples.as_str());
-        if samples || spec.has_field(FieldKey::Default.as_str()) {
-            return Ok(Some(Opinion { layer: name.into(), path, samples }));
+        let spline = spec.has_field("spline");
+        if samples || spline || spec.has_field(FieldKey::Default.as_str()) {
+            return Ok(Some(Opinion { layer: name.into(), path, samples, spline }));
         }
     }
     Ok(None)
@@ -74,7 +77,11 @@ pub(super) fn place(attribute: &Attribute) -> Result<(PathBuf, String), String> 
 
 /// The time samples of an attribute, none where a stronger layer has a constant value.
 pub(super) fn samples(attribute: &Attribute) -> Result<Vec<(f64, Value)>, String> {
-    let Some(Opinion { samples: true, layer, path }) = opinion(attribute)? else { return Ok(Vec::new()) };
+    let Some(Opinion { layer, path, samples, spline }) = opinion(attribute)? else { return Ok(Vec::new()) };
+    if !samples {
+        let curve = || complaint(attribute, "is a spline, which is not evaluated here: bake it to time samples, one a frame");
+        return if spline { Err(curve()) } else { Ok(Vec::new()) };
+    }
     gaps::times_hold(attribute, &path)?;
     let samples = attribute.time_samples().map_err(words)?.unwrap_or_default();
     Ok(samples.into_iter().map(|(time, value)| (time, as_meant(value, &layer))).collect())

@@ -96,7 +96,12 @@ fn author(
     let root = data.create_spec(sdf::Path::abs_root(), SpecType::PseudoRoot);
     metadata.iter().for_each(|(name, value)| root.add(*name, value.clone()));
     if let Some(below) = sublayer {
-        root.add(FieldKey::SubLayers, Value::StringVec(vec![relative(below, path)]));
+        let name = relative(below, path);
+        // Neither has an escape that openusd writes and USD reads.
+        if name.contains("@@@") || name.contains('\n') || name.contains(":SDF_FORMAT_ARGS:") {
+            return Err(format!("a layer cannot name {name:?} as one below it: rename that file or folder"));
+        }
+        root.add(FieldKey::SubLayers, Value::StringVec(vec![name]));
     }
     if own {
         let parent = place.parent().ok_or_else(|| bad_prim("it has no parent".into()))?;
