@@ -1,11 +1,13 @@
 //! The `hush:` attributes of one prim, and `denoise:enable`.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
-use openusd::sdf::{FieldKey, Value};
+use openusd::sdf::{self, FieldKey, Value, expr};
 use openusd::usd::{Attribute, Prim, Stage};
 use serde_json::json;
 
+use super::gaps;
 use super::prims::words;
 use super::values::{as_json, as_meant, number, text};
 use crate::settings::layered::{Layered, Origin};
@@ -29,6 +31,7 @@ pub(super) fn read(stage: &Stage, prim: &Prim) -> Result<Layered, String> {
             all.notes.push(format!("{}: <{where_}> is no setting of Hush{}", file.display(), hint(&name, valid)));
             continue;
         };
+        gaps::no_clips(prim)?;
         let mut one = Layered::default();
         if set(stage, &attribute, setting, &mut one.values)? {
             let (file, _) = place(&attribute)?;
@@ -42,8 +45,12 @@ pub(super) fn read(stage: &Stage, prim: &Prim) -> Result<Layered, String> {
 /// The strongest opinion on an attribute.
 struct Opinion {
     layer: PathBuf,
+    /// Where it stands in that layer.
+    path: sdf::Path,
     /// It has time samples; they count more than a default in the same layer.
     samples: bool,
+    /// It has a curve, which counts less than samples and more than a default.
+    spline: bool,
 }
 
 /// The first layer that says a value. openusd prefers the time samples of any layer, USD those of the strongest layer only.
@@ -51,10 +58,11 @@ fn opinion(attribute: &Attribute) -> Result<Option<Opinion>, String> {
     let stage = attribute.stage();
     for (name, path) in attribute.property_stack().map_err(words)? {
         let Some(layer) = stage.layer(&name) else { continue };
-        let Some(spec) = layer.attribute(path) else { continue };
+        let Some(spec) = layer.attribute(path.clone()) else { continue };
         let samples = spec.has_field(FieldKey::TimeSamples.as_str());
-        if samples || spec.has_field(FieldKey::Default.as_str()) {
-            return Ok(Some(Opinion { layer: name.into(), samples }));
+        let spline = spec.has_field("spline");
+        if samples || spline || spec.has_field(FieldKey::Default.as_str()) {
+            return Ok(Some(Opinion { layer: name.into(), path, samples, spline }));
         }
     }
     Ok(None)
@@ -69,10 +77,14 @@ pub(super) fn place(attribute: &Attribute) -> Result<(PathBuf, String), String> 
 
 /// The time samples of an attribute, none where a stronger layer has a constant value.
 pub(super) fn samples(attribute: &Attribute) -> Result<Vec<(f64, Value)>, String> {
-    match opinion(attribute)? {
-        Some(Opinion { samples: true, .. }) => Ok(attribute.time_samples().map_err(words)?.unwrap_or_default()),
-        _ => Ok(Vec::new()),
+    let Some(Opinion { layer, path, samples, spline }) = opinion(attribute)? else { return Ok(Vec::new()) };
+    if !samples {
+        let curve = || complaint(attribute, "is a spline, which is not evaluated here: bake it to time samples, one a frame");
+        return if spline { Err(curve()) } else { Ok(Vec::new()) };
     }
+    gaps::times_hold(attribute, &path)?;
+    let samples = attribute.time_samples().map_err(words)?.unwrap_or_default();
+    Ok(samples.into_iter().map(|(time, value)| (time, as_meant(value, &layer))).collect())
 }
 
 /// The value of an attribute that stays the same over time; None where nothing is authored.
@@ -88,7 +100,17 @@ pub(super) fn constant(attribute: &Attribute) -> Result<Option<Value>, String> {
 
 /// The default value of an attribute; None where there is none, or where it is blocked.
 pub(super) fn value(attribute: &Attribute) -> Result<Option<Value>, String> {
-    let value = attribute.get::<Value>().map_err(words)?.filter(|v| !matches!(v, Value::ValueBlock));
+    // openusd panics at an empty string[] of a crate file.
+    let got = catch_unwind(AssertUnwindSafe(|| attribute.get::<Value>())).map_err(|_| {
+        let advice = "cannot be read; if it is an empty string[] in a .usdc, make it a token[], or block it";
+        complaint(attribute, advice)
+    })?;
+    let value = got.map_err(words)?.filter(|v| !matches!(v, Value::ValueBlock));
+    if let Some(Value::AssetPath(path)) = &value
+        && expr::is_expression(path.as_str())
+    {
+        return Err(complaint(attribute, "is a variable expression, which is not evaluated here: write the path itself"));
+    }
     let layer = opinion(attribute)?.map(|o| o.layer).unwrap_or_default();
     Ok(value.map(|value| as_meant(value, &layer)))
 }

@@ -2,6 +2,7 @@
 //! `RenderDenoisePass`, and the frames' file and channel names from `RenderProduct` and `RenderVar`.
 
 mod attributes;
+mod gaps;
 mod open;
 mod prims;
 mod products;
@@ -21,8 +22,9 @@ use crate::error::{Error, Result};
 /// is; read files of strangers in a process of their own.
 ///
 /// # Errors
-/// [`Error::BadFile`], naming the prim where there is one: the stage or a sublayer cannot be read, sublayers in a circle, no
-/// render prim or several, an attribute of the wrong type or out of range.
+/// [`Error::BadFile`], naming the prim where there is one: the stage, a sublayer or what its render prims refer to cannot be read,
+/// layers or references in a circle, no render prim or several, an attribute of the wrong type or out of range, one that openusd
+/// resolves otherwise than USD.
 pub fn read(stage: &StageRef) -> Result<Layered> {
     let prim = stage.prim.clone();
     open::with_stage(&stage.file, move |open| {
@@ -31,6 +33,7 @@ pub fn read(stage: &StageRef) -> Result<Layered> {
         for prim in &chain.prims {
             all = attributes::read(open, prim)?.over(all);
         }
+        gaps::nothing_lost(open, &chain)?;
         Ok(all)
     })
 }

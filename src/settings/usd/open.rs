@@ -22,10 +22,9 @@ pub(super) fn with_stage<T: Send>(path: &Path, work: impl FnOnce(&Stage) -> Resu
     std::fs::File::open(path).map_err(|e| Error::io(path, e))?;
     let name = path.to_str().ok_or_else(|| unreadable(path, "the name is not UTF-8"))?;
     let read = || {
-        let opened = Stage::builder().resolver(Bounded(DefaultResolver::new())).open(name);
-        let stage = opened.map_err(|e| unreadable(path, &format!("{e:#}")))?;
+        let stage = open(name).map_err(|reason| unreadable(path, &reason))?;
         if let Some(error) = stage.composition_errors().first() {
-            return Err(unreadable(path, &error.to_string()));
+            return Err(unreadable(path, &advised(error.to_string())));
         }
         work(&stage).map_err(|reason| Error::bad_file(path, reason))
     };
@@ -36,6 +35,20 @@ pub(super) fn with_stage<T: Send>(path: &Path, work: impl FnOnce(&Stage) -> Resu
         let thread = thread.map_err(|e| Error::io(path, e))?;
         thread.join().unwrap_or_else(|e| Err(panicked(e)))
     })
+}
+
+/// The stage of a file, with bounds on its layers.
+pub(super) fn open(name: &str) -> Result<Stage, String> {
+    let opened = Stage::builder().resolver(Bounded(DefaultResolver::new())).open(name);
+    opened.map_err(|e| advised(format!("{e:#}")))
+}
+
+/// openusd reads crate files whole, but not all of the text format, such as attributes with letters beyond ASCII in their names.
+fn advised(reason: String) -> String {
+    match reason.contains("parse USDA") {
+        true => reason + "; a .usdc of this layer, as usdcat -o writes it, may be read where its text is not",
+        false => reason,
+    }
 }
 
 /// Looks at each layer before openusd takes it in.

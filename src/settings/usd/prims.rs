@@ -60,7 +60,7 @@ impl RenderPrims {
         let mut found = Self::default();
         let mut open = vec![stage.prim(Path::new("/Render").map_err(words)?)];
         while let Some(prim) = open.pop() {
-            if prim.is_active().map_err(words)? && prim.is_valid().map_err(words)? {
+            if is_in_scene(&prim)? {
                 open.extend(prim.children().map_err(words)?.into_iter().rev());
                 found.add(prim)?;
             }
@@ -145,6 +145,12 @@ impl RenderPrims {
             _ => Ok(Chain { settings: None, prims: vec![prim] }),
         }
     }
+}
+
+/// Whether a prim is one that renders: not switched off, no class, and more than opinions on what is not there.
+fn is_in_scene(prim: &Prim) -> Result<bool, String> {
+    let known = [prim.is_valid(), prim.is_active(), prim.is_defined(), prim.is_abstract().map(|class| !class)];
+    known.into_iter().try_fold(true, |all, one| Ok(all && one.map_err(words)?))
 }
 
 fn only_one(prims: &[Prim]) -> Option<Prim> {

@@ -33,32 +33,38 @@ fn is_text(layer: &Path) -> bool {
     }
 }
 
+/// USD's escapes: those of C, of which `\x` takes two digits and an unknown one is the letter itself. They name bytes of UTF-8.
 fn unescaped(text: &str) -> String {
-    let mut plain = String::with_capacity(text.len());
-    let mut letters = text.chars();
-    while let Some(letter) = letters.next() {
-        let next = letters.clone().next().filter(|_| letter == '\\');
-        let meant = match next {
-            Some(c @ ('\\' | '"' | '\'')) => c,
-            Some('n') => '\n',
-            Some('r') => '\r',
-            Some('t') => '\t',
-            Some('x') => match letters.as_str().get(1..3).and_then(|hex| u8::from_str_radix(hex, 16).ok()) {
-                Some(code) if code.is_ascii() => {
-                    letters.nth(1);
-                    char::from(code)
-                }
-                _ => 'x',
-            },
-            _ => {
-                plain.push(letter);
-                continue;
-            }
+    let bytes = text.as_bytes();
+    let mut plain = Vec::with_capacity(bytes.len());
+    let mut at = 0;
+    while let Some(byte) = bytes.get(at) {
+        at += 1;
+        let Some(next) = bytes.get(at).filter(|_| *byte == b'\\') else {
+            plain.push(*byte);
+            continue;
         };
-        plain.push(meant);
-        letters.next();
+        let (radix, start, most) = match next {
+            b'x' => (16, at + 1, 2),
+            b'0'..=b'7' => (8, at, 3),
+            _ => (0, at + 1, 0),
+        };
+        let digits = bytes[start..].iter().take(most).map_while(|b| char::from(*b).to_digit(radix));
+        let (count, code) = digits.fold((0, 0), |(count, code), digit| (count + 1, code * radix + digit));
+        at = start + count;
+        plain.push(match next {
+            b'n' => b'\n',
+            b'r' => b'\r',
+            b't' => b'\t',
+            b'a' => 7,
+            b'b' => 8,
+            b'v' => 11,
+            b'f' => 12,
+            b'x' | b'0'..=b'7' => code as u8,
+            other => *other,
+        });
     }
-    plain
+    String::from_utf8_lossy(&plain).into_owned()
 }
 
 /// A text as it has to be written so that USD, which knows escapes, and openusd with [`as_meant`] read it back.
@@ -128,7 +134,15 @@ mod tests {
         {
             assert_eq!(unescaped(&escaped(text)), text);
         }
-        assert_eq!(unescaped("C:\\dir\\x41"), "C:\\dirA");
-        assert_eq!(unescaped("\\q \\x4 \\xé"), "\\q x4 xé", "as USD has it");
+        for (written, meant) in [
+            ("C:\\dir\\x41", "C:dirA"),
+            ("\\q \\x4 \\xé \\8", "q \u{4} \0é 8"),
+            ("\\x414 \\1014 \\60", "A4 A4 0"),
+            ("\\a\\b\\f\\v", "\u{7}\u{8}\u{c}\u{b}"),
+            ("Gr\\xc3\\xbc\\303\\237e", "Grüße"),
+            ("é\\é \\", "éé \\"),
+        ] {
+            assert_eq!(unescaped(written), meant, "{written}, as usd-core has it");
+        }
     }
 }

@@ -21,8 +21,9 @@ const API: &str = "HushAPI";
 /// Where settings go that lie over no stage.
 const OWN_PRIM: &str = "/Render/Denoise";
 /// Metadata of a stage's root layer that do not come through a sublayer.
-const KEPT: [&str; 8] = [
+const KEPT: [&str; 9] = [
     "defaultPrim",
+    "expressionVariables",
     "startTimeCode",
     "endTimeCode",
     "timeCodesPerSecond",
@@ -95,7 +96,12 @@ fn author(
     let root = data.create_spec(sdf::Path::abs_root(), SpecType::PseudoRoot);
     metadata.iter().for_each(|(name, value)| root.add(*name, value.clone()));
     if let Some(below) = sublayer {
-        root.add(FieldKey::SubLayers, Value::StringVec(vec![relative(below, path)]));
+        let name = relative(below, path);
+        // Neither has an escape that openusd writes and USD reads.
+        if name.contains("@@@") || name.contains('\n') || name.contains(":SDF_FORMAT_ARGS:") {
+            return Err(format!("a layer cannot name {name:?} as one below it: rename that file or folder"));
+        }
+        root.add(FieldKey::SubLayers, Value::StringVec(vec![name]));
     }
     if own {
         let parent = place.parent().ok_or_else(|| bad_prim("it has no parent".into()))?;
