@@ -137,6 +137,12 @@ def use_space(image: bpy.types.Image, name: str) -> None:
         image.colorspace_settings.is_data = True
 
 
+def label(owner: Any, name: str) -> str:  # noqa: ANN401 (whatever has properties)
+    """What the interface calls the choice that a property holds, without the extension of files that Blender 5 puts behind formats."""
+    value = getattr(owner, name)
+    return re.sub(r" \(\.\w+\)$", "", bpy.types.UILayout.enum_item_name(owner, name, value)) or value
+
+
 def use_multilayer(settings: bpy.types.ImageFormatSettings) -> None:
     """Sets an image format to multilayer OpenEXR."""
     if hasattr(settings, "media_type"):

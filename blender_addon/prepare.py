@@ -251,7 +251,7 @@ def apply(
     if scene.library is not None:
         raise Refusal(messages.text("prepare_linked", scene=scene.name))
     if scene.render.engine != "CYCLES" and "engine" not in steps:
-        raise Refusal(messages.text("prepare_engine", scene=scene.name, engine=scene.render.engine))
+        raise Refusal(messages.text("prepare_engine", scene=scene.name, engine=compat.label(scene.render, "engine")))
     record = Record(scene)
     try:
         changes = [text for step in steps for text in STEPS[step](scene, record)]

@@ -191,7 +191,10 @@ def example(pattern: Path) -> Path | None:
     known = _examples.get(pattern)
     if known is None or known[0] != changed or known[1] is None:
         name = "*.[eE][xX][rR]" if pattern == folder else re.sub(r"#+", "*", glob.escape(pattern.name))
-        found = next((path for path in sorted(folder.glob(name)) if os.path.isfile(path) and (stamp(path) or (0,))[0]), None)
+        # Not each file whose name begins like a frame's is one: a still of F12 or a texture may lie beside them.
+        frame = re.compile(r"-?\d+".join(map(re.escape, re.split("#+", pattern.name))))
+        named = (path for path in sorted(folder.glob(name)) if pattern == folder or frame.fullmatch(path.name))
+        found = next((path for path in named if os.path.isfile(path) and (stamp(path) or (0,))[0]), None)
         known = _examples[pattern] = changed, found
     return known[1]
 

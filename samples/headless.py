@@ -1,10 +1,11 @@
 """A small animation from nothing, without a window: built, prepared, rendered, denoised and composited.
 
-    pip install bpy==5.0.1 hush-denoise && python samples/headless.py --frames 12
+    python3.11 -m venv bpy-venv && bpy-venv/bin/pip install bpy==5.0.1 . && bpy-venv/bin/python samples/headless.py --frames 12
     blender -b -P samples/headless.py -- --frames 12 --size 640x360 --samples 16
 
-The extension is taken as it is installed in Blender, else from this repository. The last call is all that an existing script needs; run
-again it goes on where it was stopped.
+The first builds the Python module, which wants Rust; a wheel in place of the dot does not (docs/install.md). The extension is taken as it
+is installed in Blender, else from this repository. The last call is all that an existing script needs; run again it goes on where it was
+stopped.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ def load_hush() -> None:
     if installed is not None and addon_utils.enable(installed):
         return
     if importlib.util.find_spec("hush") is None:
-        sys.exit("headless.py: Python module hush not found. Install it (pip install hush-denoise) or the extension in Blender")
+        sys.exit("headless.py: Python module hush not found. Install it or, in Blender, the extension: docs/install.md")
     sys.path.insert(0, str(ROOT))
     import blender_addon
 

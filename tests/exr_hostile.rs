@@ -154,6 +154,13 @@ fn a_pipe_is_refused_and_not_waited_for() {
 }
 
 #[test]
+fn a_folder_is_called_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let error = read_layout(folder.path()).unwrap_err().to_string();
+    assert!(error.ends_with("is a folder: name a file in it"), "{error}");
+}
+
+#[test]
 fn bombs_and_lies_are_refused_at_once() {
     let (_folder, source, _) = folder();
     let cases: Vec<(&str, Vec<u8>)> = vec![

@@ -19,7 +19,7 @@ def scene_problems(scene: bpy.types.Scene) -> Iterator[Problem]:
     if scene.library is not None:
         yield problem("linked", "linked", ERROR, file=scene.library.filepath)
     if render.engine != "CYCLES":
-        yield problem("engine", "engine", ERROR, fix_in=name, engine=render.engine)
+        yield problem("engine", "engine", ERROR, fix_in=name, engine=compat.label(render, "engine"))
     if not shot.has_camera(scene):
         if any(thing.type == "CAMERA" for thing in scene.objects):
             yield problem("camera", "camera_inactive", ERROR, fix_in=name)
@@ -37,6 +37,12 @@ def scene_problems(scene: bpy.types.Scene) -> Iterator[Problem]:
     yield from _lambda_mask_problems(scene)
     yield from _node_problems(scene)
     yield from _problems_with_others(scene)
+
+
+def to_set_before_rendering(scene: bpy.types.Scene) -> list[str]:
+    """Why frames that are rendered as the scene is set would not be found, in words."""
+    keys = ("engine", "format", "file_extension")
+    return [each.text for each in scene_problems(scene) if each.level == ERROR and each.key in keys]
 
 
 def _cycles_problems(scene: bpy.types.Scene) -> Iterator[Problem]:
@@ -73,7 +79,7 @@ def _output_problems(scene: bpy.types.Scene) -> Iterator[Problem]:
     # Frames in a folder of their own come from elsewhere, such as a File Output node.
     if not scene.hush.input_folder:
         if settings.file_format != "OPEN_EXR_MULTILAYER":
-            yield problem("format", "format", ERROR, fix_in=name, format=settings.file_format)
+            yield problem("format", "format", ERROR, fix_in=name, format=compat.label(settings, "file_format"))
         elif settings.exr_codec not in prepare.LOSSLESS:
             yield problem("format", "lossy_codec", fix_in=name, codec=settings.exr_codec)
         elif settings.color_depth != "32":

@@ -13,6 +13,7 @@ from bpy.props import BoolProperty, StringProperty
 
 from .. import compat, messages, refresh, shot
 from ..checks import check
+from ..checks.scene import to_set_before_rendering
 from ..jobs import background, job
 from ..messages import Refusal
 
@@ -40,8 +41,8 @@ def runs(scene: bpy.types.Scene, source: str = "", target: str = "", *, overwrit
                 if problem.level == check.ERROR and problem.key == key and not (key == "folder" and target):
                     raise Refusal(problem.text)
         if not any(shot.example(pattern) for pattern in shot.frame_patterns(scene)):
-            # What is to be set before rendering comes first.
-            raise Refusal(". ".join(problem.text for key in ("format", "frames") for problem in found if problem.key == key))
+            unrendered = [problem.text for problem in found if problem.key == "frames"]
+            raise Refusal(". ".join([*to_set_before_rendering(scene), *unrendered]))
     sequences = _named(source) if source else [(pattern, list(shot.frame_range(scene))) for pattern in shot.frame_patterns(scene)]
     output = _folder(target) if target else _folder_of(sequences[0][0]) / "denoised" if source else shot.output_folder(scene)
     for inputs, _ in sequences:

@@ -12,6 +12,7 @@ from bpy.app.handlers import persistent
 from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
 from .. import compat, messages, paragraph, shot
+from ..checks.scene import to_set_before_rendering
 from ..jobs import background
 from ..messages import Refusal
 from . import display
@@ -61,7 +62,8 @@ def arguments(scene: bpy.types.Scene, view_layer: str, *, flicker: bool = False)
     pattern = shot.frame_patterns(scene)[0]
     file = shot.frame_file(pattern, frame)
     if not os.path.isfile(file):
-        raise Refusal(messages.text("preview_unrendered", frame=frame, file=file))
+        unrendered = messages.text("preview_unrendered", frame=frame, file=file)
+        raise Refusal(". ".join([*to_set_before_rendering(scene), unrendered]))
     render, layers = scene.render, shot.layers(scene)
     border = [render.border_min_x, render.border_min_y, render.border_max_x, render.border_max_y] if render.use_border else None
     return (

@@ -24,6 +24,9 @@ def main(argv: Sequence[str | os.PathLike[str]] | None = None) -> int:
         The exit code: 0 all done, 1 nothing done, 2 partly done, 3 switched off by the shot's settings, 130 stopped by Ctrl-C or
         SIGTERM. The first of them lets the frame in hand be finished, the second ends the process at once.
     """
+    if isinstance(argv, (str, bytes)):
+        # Its letters would be the arguments.
+        raise TypeError(f"argv: expected the arguments one by one, such as ['inspect', 'frame.exr'], got {argv!r}")
     arguments = sys.argv[1:] if argv is None else [os.fspath(argument) for argument in argv]
     for stream in (sys.stdout, sys.stderr):
         if stream is not None:

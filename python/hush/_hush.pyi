@@ -31,6 +31,7 @@ MAX_WINDOW: Final[int]
 __version__: Final[str]
 
 _Floats: TypeAlias = npt.NDArray[np.floating[Any]]
+_Number: TypeAlias = float | np.floating[Any] | np.integer[Any]
 _Image: TypeAlias = npt.NDArray[np.float32]
 _Path: TypeAlias = str | os.PathLike[str]
 
@@ -43,7 +44,7 @@ def denoise(
     depth: _Floats | None = None,
     vector: _Floats | None = None,
     *,
-    lam: float | _Floats = 1.0,
+    lam: _Number | _Floats = 1.0,
     out: _Image | None = None,
     memory: int | None = None,
     threads: int | None = None,
@@ -64,7 +65,7 @@ class Denoiser:
     def __new__(
         cls,
         window: int = 2,
-        lam: float = 1.0,
+        lam: _Number = 1.0,
         *,
         model: _Path | None = None,
         renderer: str | None = None,
@@ -87,7 +88,7 @@ class Denoiser:
         vector: _Floats | None = None,
         *,
         aovs: dict[str, _Floats] | None = None,
-        lam: float | _Floats | None = None,
+        lam: _Number | _Floats | None = None,
         tag: object = None,
     ) -> list[Denoised]: ...
     def flush(self) -> list[Denoised]: ...

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
-from typing import Any, Unpack
+from collections.abc import Callable, Iterable
+from typing import Any, SupportsFloat, SupportsIndex, Unpack
 
 from . import _hush
-from ._sequence import shot_options
+from ._sequence import refuse_bytes, shot_options
 from ._settings import Path, ShotSettings
 
 
 def preview(
-    inputs: Path | Sequence[Path],
+    inputs: Path | Iterable[Path],
     frame: int,
     *,
     lam: float | None = None,
@@ -54,17 +54,19 @@ def preview(
         HushError: A file that is no usable EXR, a window without a Vector pass, unusable weights; "stopped" after `cancel`.
     """
     options = shot_options(inputs, None, settings, ShotSettings)
-    options.update(frame=frame, lams=_several(lam), windows=_several(window), region=region, flicker=flicker)
+    lams = _numbers("lam", () if lam is None else (lam,), SupportsFloat)
+    windows = _numbers("window", () if window is None else (window,), SupportsIndex)
+    options.update(frame=frame, lams=lams, windows=windows, region=region, flicker=flicker)
     return _hush.preview(options, progress, cancel)
 
 
 def preview_sheet(
-    inputs: Path | Sequence[Path],
+    inputs: Path | Iterable[Path],
     frame: int,
     output: Path,
     *,
-    lam: float | Sequence[float] | None = None,
-    window: int | Sequence[int] | None = None,
+    lam: float | Iterable[float] | None = None,
+    window: int | Iterable[int] | None = None,
     region: tuple[int, int, int, int] | None = None,
     before_after: float | None = None,
     flicker: bool = False,
@@ -92,12 +94,22 @@ def preview_sheet(
         The same as `preview`.
     """
     options = shot_options(inputs, None, settings, ShotSettings)
-    options.update(frame=frame, lams=_several(lam), windows=_several(window), region=region, flicker=flicker)
+    refuse_bytes(output=output)
+    lams, windows = _numbers("lam", lam, SupportsFloat), _numbers("window", window, SupportsIndex)
+    options.update(frame=frame, lams=lams, windows=windows, region=region, flicker=flicker)
     options.update(sheet=os.fspath(output), before_after=before_after, exposure=exposure)
     return _hush.preview_sheet(options, progress, cancel)
 
 
-def _several(value: Any) -> list[Any]:  # noqa: ANN401 (a number or several)
+def _numbers(name: str, value: Any, kind: type) -> list[Any]:  # noqa: ANN401 (a number or several, or what is neither)
+    """A number or several, as a list; none for None."""
     if value is None:
         return []
-    return list(value) if isinstance(value, Sequence) else [value]
+    try:
+        numbers = [value] if isinstance(value, str) else list(value)
+    except TypeError:
+        numbers = [value]
+    wrong = next((each for each in numbers if not isinstance(each, kind)), None)
+    if wrong is not None:
+        raise TypeError(f"{name}: expected {'whole ' if kind is SupportsIndex else ''}numbers, got {wrong!r}")
+    return numbers

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from typing import Any, Unpack, get_type_hints
 
 from . import _hush
@@ -12,7 +12,7 @@ from ._settings import Path, SequenceSettings, ShotSettings
 
 
 def denoise_sequence(
-    inputs: Path | Sequence[Path] | None = None,
+    inputs: Path | Iterable[Path] | None = None,
     output: Path | None = None,
     *,
     progress: Callable[[dict[str, Any]], object] | None = None,
@@ -51,7 +51,7 @@ def denoise_sequence(
 
 
 def dry_run_sequence(
-    inputs: Path | Sequence[Path] | None = None, output: Path | None = None, **settings: Unpack[SequenceSettings]
+    inputs: Path | Iterable[Path] | None = None, output: Path | None = None, **settings: Unpack[SequenceSettings]
 ) -> dict[str, Any]:
     """Tells what `denoise_sequence` would do with the same arguments, from the files' headers alone, as `hush denoise --dry-run` does.
     Writes nothing.
@@ -68,7 +68,7 @@ def dry_run_sequence(
 
 
 def survey_sequence(
-    inputs: Path | Sequence[Path] | None = None, *, timing: bool = True, **settings: Unpack[SequenceSettings]
+    inputs: Path | Iterable[Path] | None = None, *, timing: bool = True, **settings: Unpack[SequenceSettings]
 ) -> dict[str, Any]:
     """Tells what is left out of a shot, why, and the time that it saves, as `hush survey --json` does. Looks at the pixels of every
     frame; with `timing` it denoises one, in turn with and without. Writes nothing.
@@ -84,7 +84,7 @@ def survey_sequence(
 
 
 def check_sequence(
-    inputs: Path | Sequence[Path] | None = None, output: Path | None = None, **settings: Unpack[SequenceSettings]
+    inputs: Path | Iterable[Path] | None = None, output: Path | None = None, **settings: Unpack[SequenceSettings]
 ) -> dict[str, Any]:
     """Tells which denoised frames are current: what `denoise_sequence` with the same arguments would give. Writes nothing.
 
@@ -107,7 +107,7 @@ class SequenceCheck:
         self._check = _hush.SequenceCheck()
 
     def check(
-        self, inputs: Path | Sequence[Path] | None = None, output: Path | None = None, **settings: Unpack[SequenceSettings]
+        self, inputs: Path | Iterable[Path] | None = None, output: Path | None = None, **settings: Unpack[SequenceSettings]
     ) -> dict[str, Any]:
         """As `check_sequence`."""
         return _read(self._check.check(_options(inputs, output, settings)))
@@ -132,18 +132,19 @@ def _read(text: str) -> dict[str, Any]:
     return found
 
 
-def _options(inputs: Path | Sequence[Path] | None, output: Path | None, settings: SequenceSettings) -> dict[str, Any]:
+def _options(inputs: Path | Iterable[Path] | None, output: Path | None, settings: SequenceSettings) -> dict[str, Any]:
     return shot_options(inputs, output, settings, SequenceSettings)
 
 
 def shot_options(
-    inputs: Path | Sequence[Path] | None, output: Path | None, settings: ShotSettings, known: type[ShotSettings]
+    inputs: Path | Iterable[Path] | None, output: Path | None, settings: ShotSettings, known: type[ShotSettings]
 ) -> dict[str, Any]:
     """The arguments of a function as the Rust half takes them; `known` tells which settings there are."""
     unknown = settings.keys() - get_type_hints(known).keys()
     if unknown:
         raise TypeError(f"{sorted(unknown)[0]}: there is no such setting; there are {', '.join(get_type_hints(known))}")
     options: dict[str, Any] = dict(settings)
+    refuse_bytes(inputs=inputs, output=output, **options)
     try:
         options["inputs"] = [] if inputs is None else [inputs] if isinstance(inputs, (str, os.PathLike)) else list(inputs)
     except TypeError as error:
@@ -153,3 +154,10 @@ def shot_options(
     if isinstance(options.get("usd"), os.PathLike):
         options["usd"] = os.fspath(options["usd"])
     return options
+
+
+def refuse_bytes(**arguments: object) -> None:
+    """Refuses paths as bytes in words; they would be taken for lists of numbers."""
+    for name, value in arguments.items():
+        if isinstance(value, bytes):
+            raise TypeError(f"{name}: expected str or os.PathLike, got bytes; os.fsdecode makes a str of a path")

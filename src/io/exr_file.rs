@@ -63,7 +63,8 @@ impl ExrFile {
         // Looked up before, because opening a pipe waits for somebody who writes into it.
         let about = path.metadata().map_err(|e| Error::io(path, e))?;
         if !about.is_file() {
-            return Err(Error::bad_file(path, "is not a file"));
+            let folder = about.is_dir();
+            return Err(Error::bad_file(path, if folder { "is a folder: name a file in it" } else { "is not a file" }));
         }
         let file = File::open(path).map_err(|e| Error::io(path, e))?;
         let bytes = about.len();

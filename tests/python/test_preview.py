@@ -106,6 +106,23 @@ def test_what_is_refused(small: Path, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="before_after"):
         hush.preview_sheet(small, 3, tmp_path / "a.png", before_after=2)
     assert not (tmp_path / "a.png").exists()
+    for call, name, wrong in (
+        (hush.preview, "lam", [1, 4]),
+        (hush.preview, "window", 1.5),
+        (hush.preview_sheet, "lam", "1,4"),
+        (hush.preview_sheet, "window", [0, "2"]),
+        (hush.preview_sheet, "output", b"a.png"),
+    ):
+        with pytest.raises(TypeError, match=f"^{name}: expected"):
+            call(**{"inputs": small, "frame": 3, **({"output": tmp_path / "a.png"} if call is hush.preview_sheet else {}), name: wrong})
+
+
+def test_whatever_gives_numbers_will_do(small: Path, tmp_path: Path) -> None:
+    """Arrays and generators too."""
+    settings = {"lam": np.array([1, 4], np.float32), "window": (window for window in (0,)), "region": (0, 0, 8, 8)}
+    told = hush.preview_sheet(small, 3, tmp_path / "sheet.png", **settings)
+    assert [(tile["window"], tile["lam"]) for tile in told["tiles"]] == [(0, 1.0), (0, 4.0)]
+    assert hush.preview(small, 3, lam=np.float32(4), window=np.int64(0), region=(0, 0, 8, 8))["lam"] == 4.0
 
 
 def test_the_sheet_takes_what_the_preview_takes() -> None:

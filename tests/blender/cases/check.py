@@ -45,6 +45,9 @@ def test_what_a_fix_takes_away() -> None:
             scene.render.image_settings.media_type = "IMAGE"
         scene.render.image_settings.file_format = "PNG"
 
+    def single(scene: bpy.types.Scene) -> None:
+        kit.module("compat").use_image_format(scene.render.image_settings, "OPEN_EXR")
+
     def sequence(scene: bpy.types.Scene) -> None:
         editor = scene.sequence_editor_create()
         strips = editor.strips if hasattr(editor, "strips") else editor.sequences
@@ -52,7 +55,7 @@ def test_what_a_fix_takes_away() -> None:
         strips.new_effect(name="Red", type="COLOR", channel=1, frame_start=1, **{key: 5})
 
     cases = {
-        "engine": (lambda s: setattr(s.render, "engine", "BLENDER_WORKBENCH"), "BLENDER_WORKBENCH"),
+        "engine": (lambda s: setattr(s.render, "engine", "BLENDER_WORKBENCH"), "The render engine is Workbench;"),
         "camera": (lambda s: setattr(s, "camera", None), "camera"),
         "passes": (lambda s: setattr(s.view_layers[0], "use_pass_vector", False), "Vector"),
         "seed": (lambda s: setattr(s.cycles, "use_animated_seed", False), "seed"),
@@ -62,7 +65,7 @@ def test_what_a_fix_takes_away() -> None:
         "sequencer": (sequence, "Sequencer"),
         "frame_step": (lambda s: setattr(s, "frame_step", 2), "neighbours cannot help"),
     }
-    formats = {"PNG": png, "DWAA": lossy, "16 bit": multilayer_half}
+    formats = {"The output is PNG:": png, "The output is OpenEXR:": single, "DWAA": lossy, "16 bit": multilayer_half}
     for key, spoil, words in [(k, *v) for k, v in cases.items()] + [("format", v, k) for k, v in formats.items()]:
         scene, _ = shot_scene()
         spoil(scene)

@@ -166,7 +166,20 @@ def test_scenes_that_cannot_be() -> None:
     refused("frame_####.exr")
     kit.module("compat").use_image_format(scene.render.image_settings, "PNG")
     refused("The output is PNG: only OpenEXR MultiLayer keeps the passes. Press Prepare Shot. The shot is not rendered yet")
+    scene.render.use_file_extension = False
+    refused("File Extensions is off")
     assert kit.files(frames) == NAMES
+
+
+def test_a_still_beside_the_frames_to_come_is_none_of_them() -> None:
+    """As after F12 and Save As, with an output path that has no name for frames, which is Blender's own choice."""
+    scene, frames = shot_scene("still")
+    stills = kit.folder("stills")
+    for name in ("Untitled.exr", ".exr", "sky_v2.exr"):
+        shutil.copy(frames / NAMES[0], stills / name)
+    for path in (f"{stills}/", str(stills / "sky_####")):
+        scene.render.filepath = path
+        refused("The shot is not rendered yet")
 
 
 def test_missing_and_damaged_frames_are_an_error_but_the_rest_is_done() -> None:

@@ -64,7 +64,7 @@ def test_wrong_arguments_and_a_missing_library() -> None:
     assert "no size" in run("--size", "big", expected=2)
     assert "above 0" in run("--frames", "0", expected=2)
     told = run(*SMALL, "--output", kit.folder("without"), expected=1, BLENDER_USER_RESOURCES=str(kit.folder("nothing")))
-    assert "pip install hush-denoise" in told
+    assert "docs/install.md" in told
     blocked = kit.folder("blocked")
     (blocked / "denoised").write_text("a file where the folder should be")
     assert "is a file" in run(*SMALL, "--output", blocked, expected=1)

@@ -223,6 +223,9 @@ def test_what_cannot_be_is_refused() -> None:
     kit.refused(bpy.ops.hush.preview_frame, "Frame 4 is not rendered")
     assert NAME in bpy.data.images
     bpy.ops.hush.end_preview()
+    # Rendering again as the scene is set would not help.
+    kit.module("compat").use_image_format(scene.render.image_settings, "PNG")
+    kit.refused(bpy.ops.hush.preview_frame, "The output is PNG:", "Press Prepare Shot. Frame 4 is not rendered")
 
 
 def test_a_missing_image_is_no_trouble() -> None:
