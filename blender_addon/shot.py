@@ -12,7 +12,7 @@ from typing import Any
 
 import bpy
 
-from . import compat, messages, prepare
+from . import compat, messages, paths, prepare
 from .messages import Refusal
 from .settings import SETTINGS
 
@@ -59,7 +59,7 @@ def frame_pattern(scene: bpy.types.Scene, view: str | None = None) -> Path:
     if "#" in given.name and not os.path.isdir(given):
         return _with_one_number(given, "Rendered Frames")
     found = _patterns_in(given)
-    if rendered.name in found or not found:
+    if not found or paths.folded(rendered.name) in map(paths.folded, found):
         return given / rendered.name
     suffix = scene.render.views[view].file_suffix if view else ""
     fitting = [name for name in found if Path(name).stem.endswith(suffix)]
@@ -190,7 +190,7 @@ def example(pattern: Path) -> Path | None:
         return None
     known = _examples.get(pattern)
     if known is None or known[0] != changed or known[1] is None:
-        name = "*.[eE][xX][rR]" if pattern == folder else re.sub(r"#+", "*", glob.escape(pattern.name))
+        name = "*.[eE][xX][rR]" if pattern == folder else re.sub(r"#+", "*", paths.in_any_case(glob.escape(pattern.name)))
         found = next((path for path in sorted(folder.glob(name)) if os.path.isfile(path) and (stamp(path) or (0,))[0]), None)
         known = _examples[pattern] = changed, found
     return known[1]
