@@ -3,6 +3,7 @@
 
 mod attributes;
 mod open;
+mod plain_path;
 mod prims;
 mod products;
 mod stage_ref;
