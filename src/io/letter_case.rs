@@ -9,7 +9,7 @@ use super::sequence::file_name;
 /// Whether the file system has a file under its name in another letter case too.
 pub(crate) fn ignores_case(file: &Path) -> bool {
     let Some(name) = file_name(file) else { return false };
-    let others = [name.to_uppercase(), name.to_lowercase()];
+    let others = [name.to_ascii_uppercase(), name.to_ascii_lowercase()];
     others.iter().find(|other| **other != name).is_some_and(|other| is_same_file(file, &file.with_file_name(other)))
 }
 
