@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a scene says about its shot: where the frames are, which ones, and with which settings to denoise them."""
 
-import glob
 import json
 import os
 import re
@@ -12,7 +11,7 @@ from typing import Any
 
 import bpy
 
-from . import compat, messages, prepare
+from . import compat, messages, paths, prepare
 from .messages import Refusal
 from .settings import SETTINGS
 
@@ -59,7 +58,7 @@ def frame_pattern(scene: bpy.types.Scene, view: str | None = None) -> Path:
     if "#" in given.name and not os.path.isdir(given):
         return _with_one_number(given, "Rendered Frames")
     found = _patterns_in(given)
-    if rendered.name in found or not found:
+    if not found or paths.folded(rendered.name) in map(paths.folded, found):
         return given / rendered.name
     suffix = scene.render.views[view].file_suffix if view else ""
     fitting = [name for name in found if Path(name).stem.endswith(suffix)]
@@ -190,10 +189,10 @@ def example(pattern: Path) -> Path | None:
         return None
     known = _examples.get(pattern)
     if known is None or known[0] != changed or known[1] is None:
-        name = "*.[eE][xX][rR]" if pattern == folder else re.sub(r"#+", "*", glob.escape(pattern.name))
         # Not each file whose name begins like a frame's is one: a still of F12 or a texture may lie beside them.
-        frame = re.compile(r"-?\d+".join(map(re.escape, re.split("#+", pattern.name))))
-        named = (path for path in sorted(folder.glob(name)) if pattern == folder or frame.fullmatch(path.name))
+        whole = r".*\.exr" if pattern == folder else r"-?\d+".join(map(re.escape, re.split("#+", pattern.name)))
+        frame = re.compile(whole, re.IGNORECASE if pattern == folder or paths.IGNORES_CASE else 0)
+        named = (path for path in sorted(folder.glob("*")) if frame.fullmatch(path.name))
         found = next((path for path in named if os.path.isfile(path) and (stamp(path) or (0,))[0]), None)
         known = _examples[pattern] = changed, found
     return known[1]

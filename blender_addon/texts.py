@@ -254,6 +254,7 @@ TEXTS = {
     "compositing_all": "Compositing {count:frame}",
     # Work that another process does
     "job_starting": "Starting",
+    "job_todo": "{count:frame} to denoise",
     "job_stopping": "Stopping after this frame",
     "job_running": "Scene {scene} is being {doing}; wait for it, or stop it with Esc",
     "job_busy": "The shot is being {doing}; Esc stops it",

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import bpy
 
-from .. import messages, shot, status
+from .. import messages, paths, shot, status
 from .problem import ERROR, INFO, Problem, problem
 
 # Where Blender writes the rendered frames.
@@ -77,13 +77,14 @@ def _rendered(patterns: list[Path], frames: range) -> tuple[list[Path], list[int
     for folder in {pattern.parent for pattern in patterns}:
         try:
             with os.scandir(folder) as entries:
-                names[folder] = {entry.name for entry in entries if entry.name.lower().endswith(".exr") and entry.stat().st_size}
+                whole = [entry.name for entry in entries if entry.name.lower().endswith(".exr") and entry.stat().st_size]
+                names[folder] = set(map(paths.folded, whole))
         except OSError:
             names[folder] = set()
     present, missing = [], []
     for frame in frames:
         files = [shot.frame_file(pattern, frame) for pattern in patterns]
-        there = [file for file in files if file.name in names[file.parent]]
+        there = [file for file in files if paths.folded(file.name) in names[file.parent]]
         present += there
         if len(there) < len(files):
             missing.append(frame)

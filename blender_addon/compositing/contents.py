@@ -12,7 +12,7 @@ from typing import Any
 
 import bpy
 
-from .. import compat, messages, shot
+from .. import compat, messages, paths, shot
 from ..checks import check
 from ..messages import Refusal
 from ..nodes import kinds
@@ -116,7 +116,7 @@ def _refuse(scene: bpy.types.Scene) -> None:
         raise Refusal(messages.text("save"))
     target = folder(scene)
     taken = {pattern.parent for pattern in shot.frame_patterns(scene)} | {shot.output_folder(scene)}
-    if any(target.resolve() == other.resolve() for other in taken):
+    if any(paths.place_of_folder(target) == paths.place_of_folder(other) for other in taken):
         raise Refusal(messages.text("composite_folder_same", folder=target))
     wrong = check.why_not_writable(target)
     if wrong:
@@ -172,7 +172,7 @@ def _check(view: dict[str, Any], frames: range) -> list[dict[str, Any]]:
 def _work(scene: bpy.types.Scene, nodes: dict[str, dict[str, Any]], sources: list[_Source], *, allow_stale: bool) -> dict[str, Any]:
     """The job, but for its frames and the copy of the file."""
     target = folder(scene)
-    protected = {os.path.normpath(place / pattern.name.split("#")[0]) for s in sources for pattern in s.patterns for place in _folders(s)}
+    protected = {paths.place(place / pattern.name.split("#")[0]) for s in sources for pattern in s.patterns for place in _folders(s)}
     undefined = [kinds.key(*each) for each in kinds.reached(scene) if kinds.is_undefined(each[1])]
     return {
         "scene": scene.name,

@@ -10,7 +10,7 @@ from typing import Any
 
 import bpy
 
-from .. import compat, exr, messages
+from .. import compat, exr, messages, paths
 from ..nodes import kinds
 from .render_input import RenderInput
 
@@ -253,7 +253,7 @@ class Stage:
         """A File Output node writes where it did, but never over the frames that the composite is made from."""
         origin, protected = self._work["origin"], self._work["protected"]
         compat.set_folder(each, lambda path: compat.with_folder(kinds.absolute(path, origin), origin))
-        if any(os.path.normpath(compat.filled_in(path, self._scene, each)) in protected for path in compat.written_by(each)):
+        if any(paths.place(compat.filled_in(path, self._scene, each)) in protected for path in compat.written_by(each)):
             each.mute = True
             self._tell("composite_outputs", node=each.name)
 

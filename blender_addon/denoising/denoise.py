@@ -11,7 +11,7 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, StringProperty
 
-from .. import compat, messages, refresh, shot
+from .. import compat, messages, paths, refresh, shot
 from ..checks import check
 from ..checks.scene import to_set_before_rendering
 from ..jobs import background, job
@@ -87,7 +87,7 @@ def _names_a_file(path: Path) -> bool:
 
 def _check_output(inputs: Path, output: Path, target: str) -> None:
     folder = _folder_of(inputs)
-    if folder.resolve() == output.resolve():
+    if paths.place_of_folder(folder) == paths.place_of_folder(output):
         raise Refusal(messages.text("folder_replaces", folder=folder, other=folder / "denoised"))
     name = Path(target).name if target and _names_a_file(Path(bpy.path.abspath(target))) else ""
     if name and not os.path.isdir(inputs) and _without_number(name) != _without_number(inputs.name):
@@ -129,7 +129,7 @@ class DenoiseJob(job.Job):
         kind = event.get("event")
         if kind == "start":
             skipped = event["frames"] - event["todo"]
-            return f"{event['todo']} frames to denoise" + (f", {skipped} there already" if skipped else "")
+            return messages.text("job_todo", count=event["todo"]) + (f", {skipped} there already" if skipped else "")
         if kind == "frame" and event["status"] == "denoised":
             helped = f" with {', '.join(map(str, event['neighbours']))}" if event["neighbours"] else ""
             return f"frame {event['frame']} denoised{helped} ({event['seconds']:.1f} s, {self.fraction:.0%})"

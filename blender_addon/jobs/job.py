@@ -23,6 +23,8 @@ from ..messages import Refusal
 WORKER = Path(__file__).with_name("worker.py")
 # How long a stopped worker may go on with the frame in hand when Blender ends.
 _PATIENCE = 10.0
+# Exit codes of a process that got none: SIGKILL, the same from a shell, Windows' STATUS_NO_MEMORY.
+_NO_MEMORY = (-9, 137, 0xC0000017)
 _current: "Job | None" = None
 
 
@@ -171,8 +173,10 @@ class Job:
             self.fraction = 1.0 if not self.errors and not self.cancelled else self.fraction
             return
         words = next((line for line in reversed(self._last_words) if line.strip()), "")
-        if code < 0 or code in (137, 0xC0000017):
-            why = messages.text("job_no_memory") if code == -9 else messages.text("job_killed", signal=-code)
+        if code in _NO_MEMORY:
+            why = messages.text("job_no_memory")
+        elif code < 0:
+            why = messages.text("job_killed", signal=-code)
         else:
             why = messages.text("job_exit_words", code=code, words=words) if words else messages.text("job_exit", code=code)
         self._bad[0, None] = messages.text("job_ended", does=self.does, reason=why)

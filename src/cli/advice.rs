@@ -1,5 +1,7 @@
 //! What the library advises in settings, said in options: `set window to 0` is `pass --window 0` here.
 
+use std::ffi::OsString;
+
 use crate::settings::SETTINGS;
 
 /// Settings that are no shot's, and those whose option has another name where they are switched off.
@@ -19,9 +21,25 @@ pub(super) fn with_options(text: &str) -> String {
     more.chain(options).fold(text.to_owned(), |text, (setting, option)| text.replace(&setting, &option))
 }
 
+/// What to say beside an error where an argument swallowed those behind it: to Windows' programs the `\"` in `"C:\shots\" -o out` is a
+/// quote inside the argument and not its end, and no path there has one.
+pub(super) fn swallowed_quote(args: &[OsString]) -> Option<String> {
+    let shown = args.iter().map(|arg| arg.to_string_lossy()).find(|arg| arg.contains('"'))?;
+    let path = shown.split('"').next().unwrap_or_default();
+    Some(format!("the \\ before a closing quote made the quote a part of the path in '{shown}': write \"{path}\" without it"))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_swallowed_quote_is_told() {
+        let args = ["hush", "denoise", "C:\\my shots\" -o out"].map(OsString::from);
+        let told = swallowed_quote(&args).unwrap();
+        assert!(told.contains(r#"'C:\my shots" -o out'"#) && told.ends_with(r#"write "C:\my shots" without it"#), "{told}");
+        assert_eq!(swallowed_quote(&args[..2]), None);
+    }
 
     #[test]
     fn every_setting_has_its_option() {

@@ -81,6 +81,15 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
 
 /// As [`main`], for a caller that catches signals in its own way; returns the exit code.
 pub fn run(args: impl IntoIterator<Item = OsString>, catch_signals: CatchSignals) -> u8 {
+    let args: Vec<OsString> = args.into_iter().collect();
+    let exit = parse_and_run(&args, catch_signals);
+    if cfg!(windows) && exit == Exit::Nothing as u8 {
+        advice::swallowed_quote(&args).iter().for_each(say);
+    }
+    exit
+}
+
+fn parse_and_run(args: &[OsString], catch_signals: CatchSignals) -> u8 {
     let cli = match Cli::try_parse_from(args) {
         Ok(cli) => cli,
         Err(error) => {

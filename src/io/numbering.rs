@@ -46,7 +46,22 @@ impl NumberPattern {
 
     /// The number of a file that matches, and its digits.
     pub fn number(&self, name: &str) -> Option<(i64, usize)> {
-        let middle = name.strip_prefix(self.prefix.as_str())?.strip_suffix(self.suffix.as_str())?;
+        self.digits_of(name.strip_prefix(self.prefix.as_str())?.strip_suffix(self.suffix.as_str())?)
+    }
+
+    /// As [`number`](Self::number), of a name in any letter case, with what stands before and behind its number.
+    pub fn number_in_any_case<'a>(&self, name: &'a str) -> Option<(&'a str, i64, usize, &'a str)> {
+        let place = |count: usize| name.char_indices().map(|(at, _)| at).chain([name.len()]).nth(count);
+        let start = place(self.prefix.chars().count())?;
+        let end = place(name.chars().count().checked_sub(self.suffix.chars().count())?)?;
+        let (prefix, middle, suffix) = (&name[..start], name.get(start..end)?, &name[end..]);
+        let (number, digits) = self.digits_of(middle)?;
+        let alike = |a: &str, b: &str| a.to_lowercase() == b.to_lowercase();
+        (alike(prefix, &self.prefix) && alike(suffix, &self.suffix)).then_some((prefix, number, digits, suffix))
+    }
+
+    /// The number that stands in a name where the pattern has its own.
+    fn digits_of(&self, middle: &str) -> Option<(i64, usize)> {
         let digits = middle.strip_prefix('-').unwrap_or(middle);
         // The sign counts towards the width, as printf and Blender have it.
         let wide_enough = middle.len() >= self.digits && (1..=18).contains(&digits.len());
@@ -124,6 +139,24 @@ mod tests {
         let pattern = NumberPattern::parse("50%%d_%04d.exr").unwrap().unwrap();
         assert_eq!((pattern.name(7), pattern.number("50%d_0012.exr")), ("50%d_0007.exr".into(), Some((12, 4))));
         assert!(NumberPattern::parse("%d_%04d.exr").is_err() && NumberPattern::parse("a%%d.exr").unwrap().is_none());
+    }
+
+    #[test]
+    fn letter_case_is_let_be_where_that_is_asked_for() {
+        let pattern = NumberPattern::parse("Ærø_####.exr").unwrap().unwrap();
+        for (name, expected) in [
+            ("æRØ_0012.EXR", Some(("æRØ_", 12, 4, ".EXR"))),
+            ("Ærø_0012.exr", Some(("Ærø_", 12, 4, ".exr"))),
+            ("Ærø_-012.exr", Some(("Ærø_", -12, 4, ".exr"))),
+            ("Ærø_12.exr", None),
+            ("Ære_0012.exr", None),
+            ("Ærø_0012.ex", None),
+            ("ø.exr", None),
+            ("", None),
+        ] {
+            assert_eq!(pattern.number_in_any_case(name), expected, "{name}");
+        }
+        assert_eq!(pattern.number("æRØ_0012.EXR"), None);
     }
 
     #[test]

@@ -2,16 +2,22 @@
 
 use std::path::Path;
 
-use file_id::{FileId, get_file_id};
+pub(crate) use file_id::FileId;
+use file_id::get_file_id;
 
 /// Whether both paths lead to the same file or folder: through links, under another mount path, in other letter case. False where
 /// one of them is not there.
 pub(crate) fn is_same_file(a: &Path, b: &Path) -> bool {
-    let known = |path: &Path| get_file_id(path).ok().filter(is_known);
+    let known = |path: &Path| file_id(path).filter(is_known);
     match known(a).zip(known(b)) {
         Some((a, b)) => a == b,
         None => a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b)),
     }
+}
+
+/// What tells a file or folder from another that is put in its place; None where there is none.
+pub(crate) fn file_id(path: &Path) -> Option<FileId> {
+    get_file_id(path).ok()
 }
 
 /// Whether a number is one: some network file systems have 0 for every file.

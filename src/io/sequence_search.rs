@@ -1,8 +1,9 @@
 //! From what the user names (a folder, a glob, a `####` or `%04d` pattern, files) to one numbered sequence of EXR files.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 
+use super::letter_case::{ignores_case, numbered_by, spelled};
 use super::numbering::{NumberPattern, other_pattern, split_number};
 use super::sequence::{Sequence, SequenceFrame, file_name, is_exr, parent};
 use crate::error::{Error, Result};
@@ -52,7 +53,8 @@ impl FoundFiles {
             if !is_exr(input) {
                 return Err(bad(&text, "is not an .exr file"));
             }
-            self.add_file(input.to_path_buf(), true);
+            let beside = || exr_files(parent(input)).unwrap_or_default();
+            self.add_file(spelled(input.to_path_buf(), beside), true);
             return Ok(());
         }
         let name = input.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
@@ -86,7 +88,7 @@ impl FoundFiles {
         let files = exr_files(folder)?;
         let before = self.groups.len();
         for path in &files {
-            let Some((number, digits)) = file_name(path).and_then(|n| pattern.number(&n)) else { continue };
+            let Some((_, number, digits, _)) = numbered_by(pattern, path) else { continue };
             let key = (folder.to_path_buf(), pattern.prefix.clone(), pattern.suffix.clone());
             self.groups.entry(key).or_default().insert((number, digits, path.clone()));
         }
@@ -101,7 +103,9 @@ impl FoundFiles {
     }
 
     fn add_glob(&mut self, text: &str) -> Result<()> {
-        let entries = glob::glob(text).map_err(|e| bad(text, format!("is not a valid glob: {}", e.msg)))?;
+        // Windows' own programs take any letter case, and no shell expands globs there.
+        let options = glob::MatchOptions { case_sensitive: !cfg!(windows), ..Default::default() };
+        let entries = glob::glob_with(text, options).map_err(|e| bad(text, format!("is not a valid glob: {}", e.msg)))?;
         let mut any = false;
         for entry in entries {
             let path = entry.map_err(|e| Error::io(e.path().to_path_buf(), std::io::Error::from(e.error().kind())))?;
@@ -159,15 +163,32 @@ impl FoundFiles {
         for path in exr_files(&key.0).unwrap_or_default() {
             let split = file_name(&path).and_then(|n| split_number(&n));
             let Some((prefix, number, digits, suffix)) = split else { continue };
+            let (same, alike) =
+                (prefix == key.1 && suffix == key.2, in_one_case(&prefix, &suffix) == in_one_case(&key.1, &key.2));
             // Of two files with one number the one that was named is meant; of others, one is as good as the other.
-            if (prefix, suffix) == (key.1.clone(), key.2.clone()) && !files.iter().any(|f| f.0 == number) {
+            if (same || alike && ignores_case(&path)) && !files.iter().any(|f| f.0 == number) {
                 files.insert((number, digits, path));
             }
         }
         (files.len() > named.len()).then_some(named)
     }
 
+    /// Where the file system makes no difference between letter cases, sequences whose names differ in nothing else are one.
+    fn join_spellings(&mut self) {
+        let mut known: HashMap<_, GroupKey> = HashMap::new();
+        for (key, files) in std::mem::take(&mut self.groups) {
+            let alike = (key.0.to_string_lossy().to_lowercase(), in_one_case(&key.1, &key.2));
+            let first = known.get(&alike).filter(|_| files.first().is_some_and(|(_, _, path)| ignores_case(path)));
+            let key = first.cloned().unwrap_or(key);
+            known.entry(alike).or_insert_with(|| key.clone());
+            self.groups.entry(key).or_default().extend(files);
+        }
+    }
+
     fn into_sequence(mut self, input: String) -> Result<Sequence> {
+        if self.groups.len() > 1 {
+            self.join_spellings();
+        }
         if self.groups.len() > 1 {
             let pattern = self.other_pattern().or_else(|| self.groups.iter().next().map(|(k, f)| k.0.join(group_name(k, f))));
             let reason = format!(
@@ -206,6 +227,10 @@ impl FoundFiles {
         }
         Ok(Sequence { name, frames, ignored: self.unnumbered.into_keys().collect(), named })
     }
+}
+
+fn in_one_case(prefix: &str, suffix: &str) -> (String, String) {
+    (prefix.to_lowercase(), suffix.to_lowercase())
 }
 
 fn group_name(key: &GroupKey, files: &BTreeSet<(i64, usize, PathBuf)>) -> String {
@@ -303,7 +328,11 @@ mod tests {
         assert_eq!(found.ignored.len(), 1);
         assert_eq!(found.path(10), Some(dir2.path().join("f_10.exr").as_path()));
         assert_eq!(found.path(13), None);
-        assert!(message(find(&dir, &[""])).contains("2 sequences"), "another case of extension is another sequence");
+        if ignores_case(&dir.path().join("f_9.exr")) {
+            assert_eq!(find(&dir, &[""]).unwrap().numbers(), [9, 10, 100]);
+        } else {
+            assert!(message(find(&dir, &[""])).contains("2 sequences"), "another case of extension is another sequence");
+        }
     }
 
     #[test]
@@ -334,6 +363,33 @@ mod tests {
         for input in ["f_####.exr", "f_%04d.exr", ""] {
             assert_eq!(find(&dir, &[input]).unwrap().numbers(), [-1, 0, 9999, 10000], "{input}");
         }
+    }
+
+    #[test]
+    fn letter_case_makes_no_difference_where_the_file_system_makes_none() {
+        let dir = folder(&["Frame_0001.exr", "Frame_0002.exr", "frame_0003.EXR"]);
+        let inputs: [&[&str]; 4] = [&[""], &["FRAME_####.exr"], &["FRAME_0002.EXR"], &["frame_0003.exr", "frame_0001.exr"]];
+        for input in inputs {
+            match (ignores_case(&dir.path().join("Frame_0001.exr")), find(&dir, input)) {
+                (true, found) => {
+                    let names = found.unwrap().frames.into_iter().filter_map(|f| file_name(&f.path)).collect::<Vec<_>>();
+                    assert_eq!(names, ["Frame_0001.exr", "Frame_0002.exr", "frame_0003.EXR"], "{input:?}");
+                }
+                (false, found) => assert!(found.is_err(), "{input:?}"),
+            }
+        }
+        assert_eq!(find(&dir, &["FRAME_000[12].exr"]).is_ok(), cfg!(windows));
+    }
+
+    #[test]
+    fn spellings_of_one_name_are_one_sequence() {
+        // Links stand for the names that a file system without letter case would take as well.
+        let dir = folder(&["Frame_0001.exr", "frame_0002.exr"]);
+        for (name, other) in [("Frame_0001.exr", "FRAME_0001.EXR"), ("frame_0002.exr", "FRAME_0002.EXR")] {
+            std::fs::hard_link(dir.path().join(name), dir.path().join(other)).unwrap_or_default();
+        }
+        let found = find(&dir, &["frame_0002.exr", "Frame_0001.exr"]).unwrap();
+        assert_eq!(found.numbers(), [1, 2]);
     }
 
     #[test]

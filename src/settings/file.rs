@@ -48,7 +48,10 @@ pub fn read_settings_file(path: &Path) -> Result<SettingsFile> {
     if size > MAX_BYTES {
         return Err(bad(format!("is {size} bytes long, which no settings are")));
     }
-    let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
+    let text = std::fs::read_to_string(path).map_err(|e| match e.kind() {
+        std::io::ErrorKind::InvalidData => bad("is no UTF-8: save it with that encoding".into()),
+        _ => Error::io(path, e),
+    })?;
     let mut table: Map<String, Value> = toml::from_str(&text).map_err(|e| {
         let backslash = if text.contains('\\') { "; paths of Windows stand in single quotes, or are written with /" } else { "" };
         bad(format!("is no TOML: {}{backslash}", e.to_string().trim_end()))
@@ -165,5 +168,9 @@ mod tests {
             assert!(parts.iter().all(|part| message.contains(part)) && message.contains("hush.toml"), "{text}: {message}");
         }
         assert!(message(&"#".repeat(2 << 20)).contains("bytes long"));
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join(SETTINGS_FILE);
+        std::fs::write(&path, b"\xff\xfew\0i\0").unwrap();
+        assert!(read_settings_file(&path).unwrap_err().to_string().contains("no UTF-8: save it with that encoding"));
     }
 }

@@ -1,13 +1,12 @@
 //! A folder's manifest as it was last read or written; the file is read again only where another process changed it.
 
-use std::fs::Metadata;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use super::manifest::{DAMAGED, MANIFEST, Manifest};
 use crate::error::{Error, Result};
-use crate::io::{FileLock, write_atomically};
+use crate::io::{FileId, FileLock, file_id, write_atomically};
 
 /// The manifest of one output folder.
 #[derive(Debug, Default)]
@@ -23,7 +22,7 @@ pub struct Ledger {
 struct Mark {
     bytes: u64,
     modified: Option<SystemTime>,
-    inode: u64,
+    id: Option<FileId>,
 }
 
 impl Ledger {
@@ -92,18 +91,8 @@ impl Ledger {
 impl Mark {
     fn of(path: &Path) -> Option<Self> {
         let about = std::fs::metadata(path).ok()?;
-        Some(Self { bytes: about.len(), modified: about.modified().ok(), inode: inode(&about) })
+        Some(Self { bytes: about.len(), modified: about.modified().ok(), id: file_id(path) })
     }
-}
-
-#[cfg(unix)]
-fn inode(about: &Metadata) -> u64 {
-    std::os::unix::fs::MetadataExt::ino(about)
-}
-
-#[cfg(not(unix))]
-fn inode(_: &Metadata) -> u64 {
-    0
 }
 
 #[cfg(test)]

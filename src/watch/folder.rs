@@ -12,8 +12,8 @@ use super::shots::Shot;
 use super::tree::{FrameFile, ShotKey, Tree};
 use crate::engine::Identity;
 use crate::error::{Error, Result};
-use crate::io::other_pattern;
 use crate::io::sequence::Sequence;
+use crate::io::{FileId, file_id, other_pattern};
 use crate::rules::checks::WarningKind;
 use crate::shot::{CancelToken, Job, Stamp, real_folder};
 
@@ -36,7 +36,7 @@ pub(super) struct Folder<'a> {
     engine: &'a Identity,
     events: FolderEvents,
     /// The input folder, as the system knows it; none while it is not there.
-    root: Option<(u64, u64)>,
+    root: Option<FileId>,
     real_input: PathBuf,
     /// Shots that cannot be denoised as they are.
     refused: BTreeMap<ShotKey, Refusal>,
@@ -302,14 +302,6 @@ struct Refusal {
 }
 
 /// Tells one folder from another that was put in its place.
-#[cfg(unix)]
-fn identity(folder: &Path) -> Option<(u64, u64)> {
-    use std::os::unix::fs::MetadataExt;
-    std::fs::metadata(folder).ok().filter(|m| m.is_dir()).map(|m| (m.dev(), m.ino()))
-}
-
-/// Tells whether a folder is there.
-#[cfg(not(unix))]
-fn identity(folder: &Path) -> Option<(u64, u64)> {
-    folder.is_dir().then_some((0, 0))
+fn identity(folder: &Path) -> Option<FileId> {
+    file_id(folder).filter(|_| folder.is_dir())
 }

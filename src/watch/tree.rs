@@ -7,9 +7,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
-use crate::io::NumberPattern;
 use crate::io::sequence::is_exr;
-use crate::io::split_number;
+use crate::io::{NumberPattern, numbered_by, split_number};
 use crate::shot::{MANIFEST, Stamp, lies_in, real_folder};
 
 /// One sequence in one folder.
@@ -127,10 +126,7 @@ impl Tree {
             return None;
         }
         let (prefix, number, digits, suffix) = match &self.pattern {
-            Some(pattern) => {
-                let (number, digits) = pattern.number(name).filter(|_| folder.as_os_str().is_empty())?;
-                (pattern.prefix.clone(), number, digits, pattern.suffix.clone())
-            }
+            Some(pattern) => numbered_by(pattern, path).filter(|_| folder.as_os_str().is_empty())?,
             None => split_number(name)?,
         };
         Some(FrameFile { key: Arc::new(ShotKey { folder: folder.into(), prefix, suffix }), number, digits })

@@ -133,6 +133,43 @@ def test_the_inputs_are_not_written_over(wine: Wine, small: Path, tmp_path: Path
     assert pixels(folder) == pixels(small)
 
 
+def test_letter_case_makes_no_difference(wine: Wine, small: Path, tmp_path: Path) -> None:
+    """A frame that is named in other letter case has its neighbours, and its own name in the output."""
+    succeeded(wine.hush("denoise", small, "-o", tmp_path / "expected", "--frames", "2"))
+    folder = wine.drive_c / "case"
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(small, folder / "Shot")
+    cases: dict[str, list[str]] = {
+        "a file": ["C:\\case\\shot\\FRAME_0002.EXR"],
+        "a pattern": ["C:\\CASE\\Shot\\Frame_####.EXR", "--frames", "2"],
+        "a glob": ["C:\\case\\Shot\\FRAME_*.EXR", "--frames", "2"],
+        "two spellings": ["C:\\case\\Shot", "--frames", "2"],
+    }
+    for what, words in cases.items():
+        if what == "two spellings":
+            (folder / "Shot" / FRAMES[2]).rename(folder / "Shot" / FRAMES[2].upper())
+        succeeded(wine.hush("denoise", *words, "-o", f"C:\\case\\{what}"))
+        assert pixels(folder / what) == pixels(tmp_path / "expected"), what
+
+
+def test_a_stage_is_told_as_it_is_named(wine: Wine, small: Path, tmp_path: Path) -> None:
+    """Without what real paths begin with on Windows, which other programs do not take."""
+    stage = tmp_path / "a stage.usda"
+    product = 'def RenderProduct "Frames" { token productName = "frames/frame_$F4.exr" }'
+    render = 'def RenderPass "Pass" { float hush:lambda = 4\r\nrel renderSource = </Settings> }'
+    stage.write_bytes(f'#usda 1.0\r\n{product}\r\n{render}\r\ndef RenderSettings "Settings" {{ rel products = </Frames> }}\r\n'.encode())
+    shutil.copytree(small, tmp_path / "frames")
+    told = succeeded(wine.hush("shot", "show", "--usd", stage))
+    frames = windows_path(tmp_path / "frames" / "frame_####.exr")
+    assert frames in told.replace("/", "\\") and windows_path(stage) in told and "\\\\?\\" not in told, told
+
+
+def test_a_quote_behind_a_backslash_is_told(wine: Wine) -> None:
+    for words in (['C:\\my shots" -o C:\\out'], ["C:\\my shots", "-o", 'C:\\out" --overwrite']):
+        result = wine.hush("denoise", *words)
+        assert result.returncode == 1 and "closing quote" in result.stderr, result.stderr
+
+
 def test_a_folder_that_cannot_be_written(wine: Wine, small: Path) -> None:
     # Linux' own, where nobody may write, root included.
     result = wine.hush("denoise", small, "-o", "Z:\\proc\\self\\denoised")

@@ -8,6 +8,7 @@ use openusd::usd::{Attribute, Prim, Stage};
 use serde_json::json;
 
 use super::gaps;
+use super::plain_path::plain;
 use super::prims::words;
 use super::values::{as_json, as_meant, number, text};
 use crate::settings::layered::{Layered, Origin};
@@ -72,7 +73,7 @@ fn opinion(attribute: &Attribute) -> Result<Option<Opinion>, String> {
 pub(super) fn place(attribute: &Attribute) -> Result<(PathBuf, String), String> {
     let first = || Ok::<_, String>(attribute.property_stack().map_err(words)?.into_iter().next().map(|(layer, _)| layer.into()));
     let layer = opinion(attribute)?.map(|o| o.layer).map_or_else(first, |layer| Ok(Some(layer)))?;
-    Ok((layer.unwrap_or_default(), attribute.path().to_string()))
+    Ok((plain(layer.unwrap_or_default()), attribute.path().to_string()))
 }
 
 /// The time samples of an attribute, none where a stronger layer has a constant value.
@@ -166,10 +167,9 @@ fn anchored(attribute: &Attribute, path: &str) -> Result<PathBuf, String> {
 
 /// `FILE: </Prim.attribute> …`, without the file where it is the stage's own, which the error names anyway.
 pub(super) fn complaint(attribute: &Attribute, what: &str) -> String {
-    let root = attribute.stage().root_layer().identifier().to_owned();
+    let root = plain(attribute.stage().root_layer().identifier());
     let file = place(attribute).map(|(file, _)| file).unwrap_or_default();
-    let inside =
-        if file.as_os_str().is_empty() || file == Path::new(&root) { String::new() } else { format!(" (in {})", file.display()) };
+    let inside = if file.as_os_str().is_empty() || file == root { String::new() } else { format!(" (in {})", file.display()) };
     format!("<{}> {what}{inside}", attribute.path())
 }
 

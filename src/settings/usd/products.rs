@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use openusd::usd::{Prim, Stage};
 
 use super::attributes::{place, samples, value};
+use super::plain_path::plain;
 use super::prims::{Chain, targets, type_of};
 use super::values::text;
 use crate::settings::layered::{Layered, Origin};
@@ -59,7 +60,7 @@ pub(super) fn read(stage: &Stage, chain: &Chain) -> Result<Layered, String> {
     }
     if named.len() > 1 {
         let others = named[1..].iter().map(|p| format!("<{p}>")).collect::<Vec<_>>().join(", ");
-        let file = stage.root_layer().identifier().to_owned();
+        let file = plain(stage.root_layer().identifier()).display().to_string();
         all.notes
             .push(format!("{file}: the frames are those of <{}>, the first of several products; left out: {others}", named[0]));
     }
@@ -107,7 +108,7 @@ fn var_settings(var: &Prim) -> Result<Layered, String> {
         Kind::Vector => &mut values.passes_vector,
     } = Some(layer);
     let (file, _) = place(&var.attribute(attribute))?;
-    let file = if file.as_os_str().is_empty() { var.stage().root_layer().identifier().into() } else { file };
+    let file = if file.as_os_str().is_empty() { plain(var.stage().root_layer().identifier()) } else { file };
     Ok(with_origin(one, var, attribute, file))
 }
 

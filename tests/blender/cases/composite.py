@@ -149,8 +149,10 @@ def test_file_output_nodes_write_but_never_over_the_frames() -> None:
     scene, folder = denoised_scene("outputs", frames=2)
     tree, layers, _ = tree_of(scene)
     elsewhere = kit.folder("outputs-elsewhere")
-    good, bad = file_output(tree, elsewhere, "extra_"), file_output(tree, folder, "frame_")
-    for node in (good, bad):
+    link = elsewhere.with_name("outputs-link")
+    link.symlink_to(folder)
+    good, bad, through = file_output(tree, elsewhere, "extra_"), file_output(tree, folder, "frame_"), file_output(tree, link, "frame_")
+    for node in (good, bad, through):
         tree.links.new(layers.outputs["Image"], node.inputs[0])
     noisy = {path.name: path.read_bytes() for path in folder.glob("*.exr")}
     assert untouched() == {"FINISHED"}
