@@ -153,6 +153,9 @@ TEXTS = {
     "composite_linked": "The scene is linked from {file}: open that file",
     # Render and Denoise Shot
     "whole_kept": "{frames:frame is} rendered already and kept: turn on Render Again to render all frames",
+    "whole_kept_old": (
+        "{frames:frame is} rendered already and kept, without what Prepare Shot has set up since: turn on Render Again to render all frames"
+    ),
     "whole_failed": "{frames:frame is} not rendered: see what Blender reports, then press Render and Denoise Shot again",
     "whole_stopped": "Rendering was stopped: press Render and Denoise Shot again to go on",
     "whole_no_start": "Blender did not render: see what it reports, and whether the render region is empty, then press the button again",

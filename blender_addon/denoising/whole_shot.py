@@ -46,8 +46,8 @@ def runs(frames: list[int], step: int) -> list[tuple[int, int]]:
     return found
 
 
-def begin(scene: bpy.types.Scene, *, render_again: bool) -> tuple[list[int], list[str]]:
-    """Prepares the scene and returns the frames to render, and in words what was changed and which frames are kept.
+def begin(scene: bpy.types.Scene, *, render_again: bool) -> tuple[list[int], list[tuple[str, str]]]:
+    """Prepares the scene and returns the frames to render, and reports (level, text) of what was changed and which frames are kept.
 
     Raises:
         Refusal: The scene cannot be rendered or denoised so; nothing is changed then.
@@ -69,9 +69,13 @@ def begin(scene: bpy.types.Scene, *, render_again: bool) -> tuple[list[int], lis
     changes = prepare.apply(scene, check=look)
     if changes:
         bpy.ops.ed.undo_push(message="Prepare Shot")
-    notes = [messages.text("prepared", changes="; ".join(changes))] if changes else []
+    notes = [("INFO", messages.text("prepared", changes="; ".join(changes)))] if changes else []
     there = [frame for frame in shot.frame_range(scene) if frame not in todo]
-    return todo, [*notes, messages.text("whole_kept", frames=there)] if there else notes
+    if there:
+        notes.append(
+            ("WARNING", messages.text("whole_kept_old", frames=there)) if changes else ("INFO", messages.text("whole_kept", frames=there))
+        )
+    return todo, notes
 
 
 def refuse(scene: bpy.types.Scene, *, but_for: set[str]) -> None:
@@ -113,6 +117,8 @@ class HUSH_OT_whole_shot(background.JobOperator, bpy.types.Operator):
     _before: dict[int, list[tuple[int, int] | None]]
     _runs: list[tuple[int, int]]
     _render: Rendering | None = None
+    # What is told once more at the end.
+    _warnings: list[str]
     # Which scene it is, also after it was renamed meanwhile.
     _uid = 0
 
@@ -177,8 +183,9 @@ class HUSH_OT_whole_shot(background.JobOperator, bpy.types.Operator):
             return None
         self._before = stamps(scene, self._todo)
         self._runs = runs(self._todo, max(1, scene.frame_step))
-        for text in notes:
-            self.report({"INFO"}, text)
+        self._warnings = [text for level, text in notes if level == "WARNING"]
+        for level, text in notes:
+            self.report({level}, text)
         return scene
 
     def _next(self, context: bpy.types.Context, done: job.Job | None) -> set[str]:
@@ -237,6 +244,8 @@ class HUSH_OT_whole_shot(background.JobOperator, bpy.types.Operator):
     def _sum_up(self, scene: bpy.types.Scene) -> set[str]:
         key = "whole_composited" if has_node(scene) else "whole_done"
         self.report({"INFO"}, messages.text(key, total=len(shot.frame_range(scene)), rendered=len(self._todo)))
+        for text in self._warnings:
+            self.report({"WARNING"}, text)
         return {"FINISHED"}
 
 

@@ -147,6 +147,21 @@ def test_overwrite_and_placeholders_do_not_keep_old_frames() -> None:
     assert (render.use_overwrite, render.use_placeholder) == (False, True), "they were not given back"
 
 
+def test_frames_that_were_rendered_before_the_scene_was_prepared_are_told() -> None:
+    scene, _ = scene_of_three("unprepared", node=False)
+    assert bpy.ops.hush.whole_shot() == {"FINISHED"}
+    scene.view_layers[0].cycles.denoising_store_passes = False
+    todo, notes = whole_shot.begin(scene, render_again=False)
+    assert not todo and [level for level, _ in notes] == ["INFO", "WARNING"], notes
+    assert "Frames 1-3 are rendered already and kept, without what Prepare Shot" in notes[1][1], notes
+    assert [level for level, _ in whole_shot.begin(scene, render_again=False)[1]] == ["INFO"], "it is prepared now"
+    assert len(whole_shot.begin(scene, render_again=True)[0]) == 3
+    told: list[tuple[set[str], str]] = []
+    fake = SimpleNamespace(report=lambda level, text: told.append((level, text)), _todo=todo, _warnings=[notes[1][1]])
+    assert whole_shot.HUSH_OT_whole_shot._sum_up(fake, scene) == {"FINISHED"}
+    assert told[-1] == ({"WARNING"}, notes[1][1]), "it is not told at the end"
+
+
 def test_frames_that_were_not_written_again_are_told() -> None:
     scene, folder = scene_of_three("unwritten", node=False)
     assert bpy.ops.hush.whole_shot() == {"FINISHED"}
