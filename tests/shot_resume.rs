@@ -67,8 +67,32 @@ fn what_a_hush_made_that_denoises_differently_is_made_again() {
     let outcome = shot.run(&shot.job());
     assert_eq!(outcome.log.with(Status::Denoised), [1, 2, 3]);
     let (kind, text) = &outcome.log.warnings[0];
-    assert!(kind == "redone" && text.contains("this Hush denoises it differently from Hush 0.1"), "{text}");
+    assert!(
+        kind == "redone" && text.contains(concat!("this Hush denoises it differently from Hush ", env!("CARGO_PKG_VERSION"))),
+        "{text}"
+    );
     assert_eq!(shot.run(&shot.job()).log.with(Status::Skipped), [1, 2, 3]);
+}
+
+#[test]
+fn two_versions_that_share_a_folder_do_not_make_each_others_frames_for_ever() {
+    let shot = Shot::new(1..=3, Look::default());
+    shot.run(&shot.job());
+    let path = shot.output(1).with_file_name(MANIFEST);
+    let this = format!("\"revision\": {}", hush::engine::REVISION);
+    let later = format!("\"revision\": {}", hush::engine::REVISION + 1);
+    let written = fs::read_to_string(&path).unwrap().replace(&this, &later);
+    fs::write(&path, &written).unwrap();
+    let frame = fs::read(shot.output(2)).unwrap();
+    let error = shot.run(&shot.job()).error();
+    assert!(error.contains("frames 1-3 better than this run would make them") && error.contains("use that version"), "{error}");
+    assert_eq!((fs::read_to_string(&path).unwrap(), fs::read(shot.output(2)).unwrap()), (written, frame), "nothing is touched");
+    // Of a frame that was rendered again nothing later is lost.
+    write_frame(&shot.input(2), 2, Look { seed: Some(99), ..Look::default() });
+    let error = shot.run(&shot.job()).error();
+    assert!(error.contains("frames 1,3 better"), "{error}");
+    let outcome = shot.run(&Job { overwrite: true, ..shot.job() });
+    assert_eq!(outcome.log.with(Status::Denoised), [1, 2, 3]);
 }
 
 #[test]

@@ -62,7 +62,8 @@ pub(super) fn plan_frames(
                         None => Action::Skip,
                         Some(stale) => {
                             let vectors = sources.good.get(&number).and_then(InputFile::vector_layer);
-                            let loss = why_worse(job, entry, manifest, vectors, &window);
+                            let loss = why_older(entry, settings, manifest)
+                                .or_else(|| why_worse(job, entry, manifest, vectors, &window));
                             worse.extend(loss.filter(|_| same_input(entry, &job.sequence, files)).map(|why| (number, why)));
                             Action::Denoise(Some(stale.reason))
                         }
@@ -118,6 +119,14 @@ pub(super) fn plan_frames(
         });
     }
     Ok(frames)
+}
+
+/// Why a frame that a later Hush made is not made again by this one: two versions on a farm would make each other's frames for ever.
+fn why_older(entry: &Entry, now: &FrameSettings, manifest: &Manifest) -> Option<String> {
+    let done = matches!(entry.status, Status::Denoised | Status::Skipped);
+    let later = manifest.settings.get(&entry.settings).is_some_and(|then| then.engine.revision > now.engine.revision);
+    (done && later)
+        .then(|| format!("made by Hush {}, a later one than this: use that version, or set overwrite to true", entry.hush))
 }
 
 /// Why a frame that is there is better than the one that would take its place; only what was not asked for counts.
