@@ -160,3 +160,22 @@ fn what_is_missing_is_named_with_the_way_to_switch_it_on() {
     assert_eq!(all.aovs.len(), 2);
     assert!(all.missing.iter().any(|m| m.pass == "Diffuse Color"));
 }
+
+#[test]
+fn factors_are_no_light() {
+    let (_folder, source, _) = folder();
+    for names in [["Ambient Occlusion", "Shadow Catcher"], ["AO", "Shadow Catcher"]] {
+        let mut passes = vec![("Combined", pass("ViewLayer.Combined", "RGBA", SampleType::F32, SIZE, 1))];
+        passes.extend(names.map(|name| (name, pass(&format!("ViewLayer.{name}"), "RGB", SampleType::F32, SIZE, 2))));
+        write(&source, split(passes, vec![], true), Style::new(Compression::ZIP16));
+        let layout = read_layout(&source).unwrap();
+        let found = |name: &str| resolve(&layout, &Selection { aovs: vec![name.into()], ..Selection::default() });
+        for name in names {
+            match found(name) {
+                Err(Error::BadSetting { name: "aovs", reason }) => assert!(reason.contains("factor"), "{reason}"),
+                other => panic!("{other:?}"),
+            }
+        }
+        assert!(found("all").unwrap().aovs.is_empty());
+    }
+}

@@ -6,7 +6,7 @@ use super::resolved::{AovRef, DataWindow, Missing, PassRef};
 use crate::error::{Error, Result};
 
 /// The light passes of `wanted` in a layer and view, and what is missing for `all`. A pass that was named and is not there
-/// (or whose Color pass is not) is an error; under `all` it is left out.
+/// (or whose Color pass is not) is an error, and so is a factor that was named; under `all` both are left out.
 pub(super) fn find(
     layout: &Layout,
     layer: &ViewLayer,
@@ -18,6 +18,13 @@ pub(super) fn find(
     let (mut found, mut missing): (Vec<AovRef>, Vec<Missing>) = Default::default();
     for name in wanted {
         if !name.eq_ignore_ascii_case("all") {
+            if let Some(factor) = names::factor(name) {
+                let reason = format!(
+                    "{factor} is no light of the image but a factor, which these kernels would take out of its range: leave it out, and it \
+                     stays as it was rendered"
+                );
+                return Err(Error::BadSetting { name: "aovs", reason });
+            }
             let aov = finder.named(name).map_err(|m| error(layout, m))?;
             found.push(aov);
             continue;

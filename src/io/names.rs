@@ -80,6 +80,10 @@ pub(crate) const LIGHT_PASSES: [LightPass; 12] = [
     LightPass { full: "Environment", short: "Env", colour: None, place: "Environment" },
 ];
 
+/// Passes below View Layer › Passes › Light that are multiplied with an image, Blender 5's name and 4's. Their noise has nothing to do with
+/// the albedo that all light is divided by.
+const FACTORS: [[&str; 2]; 2] = [["Ambient Occlusion", "AO"], ["Shadow Catcher"; 2]];
+
 /// The depth among Blender's Denoising Data.
 pub(super) const DENOISING_DEPTH: &str = "Denoising Depth";
 /// What Blender 5.2 writes with Denoising Data beside the guides. They are no light passes.
@@ -88,6 +92,11 @@ pub(crate) const UNUSED_GUIDES: [&str; 2] = ["Denoising Specular Albedo", "Denoi
 /// The light pass of either name, whatever its case.
 pub(crate) fn light_pass(name: &str) -> Option<&'static LightPass> {
     LIGHT_PASSES.iter().find(|l| l.full.eq_ignore_ascii_case(name) || l.short.eq_ignore_ascii_case(name))
+}
+
+/// The full name of a factor, given by either name, whatever its case.
+pub(super) fn factor(name: &str) -> Option<&'static str> {
+    FACTORS.iter().find(|names| names.iter().any(|n| n.eq_ignore_ascii_case(name))).map(|[full, _]| *full)
 }
 
 /// Whether a pass holds one light group's share of the beauty (`Combined_Key`).

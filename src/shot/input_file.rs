@@ -1,5 +1,6 @@
 //! A frame's file once its header was read: what it holds and what will be read from it.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -23,6 +24,22 @@ pub(super) struct InputFile {
     passes: u64,
 }
 
+/// Each pass that is missing, with how to get it, and where it is missing in some of the view layers only, with their names.
+fn missing(views: &[Resolved]) -> Vec<(String, String)> {
+    let mut found: BTreeMap<(&str, &str), BTreeSet<&str>> = BTreeMap::new();
+    for (view, m) in views.iter().flat_map(|v| v.missing.iter().map(move |m| (v, m))) {
+        found.entry((&m.pass, &m.advice)).or_default().insert(&view.layer);
+    }
+    let all = views.iter().map(|v| v.layer.as_str()).collect::<BTreeSet<_>>().len();
+    let told = |((pass, advice), layers): ((&str, &str), BTreeSet<&str>)| {
+        let names = layers.iter().copied().collect::<Vec<_>>().join(", ");
+        let lacks = if layers.len() == 1 { "in the view layer" } else { "in the view layers" };
+        let of = if layers.len() < all { format!("{lacks} {names}: ") } else { String::new() };
+        (pass.to_owned(), format!("{of}{advice}"))
+    };
+    found.into_iter().map(told).collect()
+}
+
 impl InputFile {
     /// Reads the header and picks the passes.
     pub fn open(number: i64, path: &Path, selection: &Selection) -> Result<Self> {
@@ -34,11 +51,8 @@ impl InputFile {
         let views = resolve_views(&layout, selection)?;
         let first = views.first();
         let mut notes: Vec<String> = views.iter().flat_map(|v| v.notes.clone().into_iter().chain(caveats(&layout, v))).collect();
-        let mut missing: Vec<_> = views.iter().flat_map(|v| &v.missing).map(|m| (m.pass.clone(), m.advice.clone())).collect();
         notes.sort();
         notes.dedup();
-        missing.sort();
-        missing.dedup();
         let origin = first.map_or([0, 0], |v| v.colour.origin(&layout));
         let header = Header {
             number,
@@ -48,7 +62,7 @@ impl InputFile {
             vector: !views.is_empty() && views.iter().all(|v| v.vector.is_some()),
             noisy_image: views.iter().any(|v| v.colour != v.target),
             unsure: views.iter().any(|v| !v.surely_noisy),
-            missing,
+            missing: missing(&views),
             notes,
         };
         let mut hasher = DefaultHasher::new();
@@ -103,4 +117,32 @@ impl InputFile {
 /// Whether a frame will have motion vectors.
 pub(crate) fn has_vector(path: &Path, selection: &Selection) -> Result<bool> {
     InputFile::open(0, path, selection).map(|source| source.header.vector)
+}
+
+#[cfg(test)]
+mod tests {
+    use exr::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn what_only_some_view_layers_lack_is_told_with_their_names() {
+        let passes = ["A.Combined", "A.Denoising Albedo", "B.Combined"];
+        let names = passes.into_iter().flat_map(|pass| ["R", "G", "B"].map(|c| format!("{pass}.{c}")));
+        let channels = names.map(|name| AnyChannel::new(name.as_str(), FlatSamples::F32(vec![0.5; 4]))).collect();
+        let layer = Layer::new((2, 2), LayerAttributes::default(), Encoding::FAST_LOSSLESS, AnyChannels::sort(channels));
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("f_0001.exr");
+        Image::from_layer(layer).write().to_file(&path).unwrap();
+        let missing = |layers: &[&str]| {
+            let layers = layers.iter().map(|l| l.to_string()).collect();
+            InputFile::open(1, &path, &Selection { layers, ..Selection::default() }).unwrap().header.missing
+        };
+        let advice = |missing: &[(String, String)], pass: &str| missing.iter().find(|(p, _)| p == pass).map(|(_, a)| a.clone());
+        let both = missing(&["all"]);
+        assert!(advice(&both, "Denoising Albedo").unwrap().starts_with("in the view layer B: enable"), "{both:?}");
+        assert!(advice(&both, "Denoising Normal").unwrap().starts_with("enable"), "{both:?}");
+        assert!(advice(&missing(&["B"]), "Denoising Albedo").unwrap().starts_with("enable"));
+        assert_eq!(advice(&missing(&["A"]), "Denoising Albedo"), None);
+    }
 }
