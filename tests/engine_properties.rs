@@ -5,7 +5,7 @@ mod engine_support;
 use std::sync::LazyLock;
 
 use engine_support::*;
-use hush::engine::Skip;
+use hush::engine::{Skip, Weights};
 use hush::{Denoised, Engine, Error, Frame, Settings};
 use ndarray::{Array2, Array3};
 use proptest::prelude::*;
@@ -33,6 +33,30 @@ fn spoil(frame: &mut Frame, seed: u64) {
                 _ => {}
             }
         }
+    }
+}
+
+#[test]
+fn alpha_falls_off_at_an_edge_as_the_albedo_does() {
+    // A bright thing of albedo 1 on a transparent film: light is the same all over, albedo and alpha are the coverage.
+    let epsilon = Weights::from_bytes("golden", SMALL_MODEL).unwrap().architecture.albedo_epsilon;
+    let frame = |seed: u64| {
+        let mut frame = guided(seed, 40, 56);
+        let cover = Array2::from_shape_fn((40, 56), |(y, x)| {
+            (x as f32 / 4.0 - 5.0 + random(seed, y, x, 0) - random(seed ^ 1, y, x, 0)).clamp(0.0, 1.0)
+        });
+        frame.albedo = Some(Array3::from_shape_fn((40, 56, 3), |(y, x, _)| cover[[y, x]]));
+        frame.colour = Array3::from_shape_fn((40, 56, 3), |(y, x, _)| 3.0 * (cover[[y, x]] + epsilon));
+        frame.alpha = Some(cover);
+        frame
+    };
+    let frames = encode(&SMALL, (0..5).map(frame));
+    let found = denoise(&SMALL, &frames, 2, 2, 1.0);
+    let alpha = found.alpha.unwrap();
+    assert!(alpha.iter().any(|a| *a > 0.1 && *a < 0.9));
+    for ((y, x, c), v) in found.colour.indexed_iter() {
+        let expected = 3.0 * (alpha[[y, x]] + epsilon);
+        assert!((v - expected).abs() <= 1e-5 * expected, "{y}, {x}, {c}: {v}, expected {expected}");
     }
 }
 

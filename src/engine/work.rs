@@ -56,7 +56,11 @@ impl Engine {
         let packed = &centre.packed;
         let mut left_out = LeftOut::default();
         let coarse_modulation = self.predictor.albedo_levels > 1;
-        let mut channels = Channels { coarse_modulation, ..Channels::new(packed.extra, packed.has_alpha) };
+        let mut channels = Channels {
+            coarse_modulation,
+            alpha_as_modulation: packed.has_albedo,
+            ..Channels::new(packed.extra, packed.has_alpha)
+        };
         let paths = paths(centre, neighbours);
         let window = || paths.iter().map(Path::neighbour).chain([centre]);
         if skip.opaque && channels.alpha && window().all(|f| f.ranges.opaque) {

@@ -5,6 +5,8 @@ pub mod planes;
 pub mod pyramid;
 pub mod weigh;
 
+use std::ops::Range;
+
 use crate::frame::packed::{INVALID, MODULATION};
 
 /// The 2×2 pixels of a half-resolution pixel, each a plane of its own at full resolution.
@@ -20,6 +22,9 @@ pub struct Channels {
     pub alpha: bool,
     /// Extra channels of the packed frame that are not filtered, before those that are: an alpha of 1.
     pub skipped: usize,
+    /// Whether alpha is filtered by the modulation's kernels, as it falls off with a pixel's coverage where the albedo does and the light
+    /// that is divided by it does not.
+    pub alpha_as_modulation: bool,
     /// Whether the coarser levels have the modulation.
     pub coarse_modulation: bool,
 }
@@ -27,13 +32,24 @@ pub struct Channels {
 impl Channels {
     /// For a frame with `extra` channels besides its colour, the first of them alpha or not.
     pub fn new(extra: usize, alpha: bool) -> Self {
-        Self { values: 3 + extra, alpha, skipped: 0, coarse_modulation: false }
+        Self { values: 3 + extra, alpha, skipped: 0, alpha_as_modulation: false, coarse_modulation: false }
     }
 
     /// Without alpha, if there is one.
     pub fn opaque(self) -> Self {
         let alpha = usize::from(self.alpha);
         Self { values: self.values - alpha, alpha: false, skipped: self.skipped + alpha, ..self }
+    }
+
+    /// The values that the light's kernels filter, in two parts.
+    pub fn light(&self) -> [Range<usize>; 2] {
+        if self.alpha && self.alpha_as_modulation { [0..3, 4..self.values] } else { [0..self.values, self.values..self.values] }
+    }
+
+    /// What the modulation's kernels filter: the modulation, and alpha where it is among that.
+    pub fn modulated(&self) -> [Range<usize>; 2] {
+        let alpha = usize::from(self.alpha && self.alpha_as_modulation);
+        [self.modulation()..self.modulation() + 3, 3..3 + alpha]
     }
 
     /// Groups of a packed frame that hold these channels.

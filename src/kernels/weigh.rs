@@ -77,7 +77,8 @@ impl TapWeights {
     }
 }
 
-/// Softmax over the images' taps, those outside the mask left out, and the weighted sums of `channels`: `out` [channel][phase][32].
+/// Softmax over the images' taps, those outside the mask left out, and the weighted sums of `channels`, one part of them after the other:
+/// `out` [channel][phase][32].
 ///
 /// `y`, `x` count the images' pixels (half-resolution pixels where they have four phases); `key` is the channel of the taps' keys.
 #[inline(always)]
@@ -86,7 +87,7 @@ pub fn apply<S: Simd>(
     s: S,
     images: &[Taps],
     key: usize,
-    channels: std::ops::Range<usize>,
+    channels: [std::ops::Range<usize>; 2],
     y: usize,
     x: usize,
     buffers: &mut TapWeights,
@@ -99,21 +100,25 @@ pub fn apply<S: Simd>(
     for phase in 0..phases {
         weigh(s, images, key, phase, y, x, &mut buffers.taps[phase * total * SEGMENT..], &mut buffers.scales[phase * SEGMENT..]);
     }
-    let size = channels.len() * phases * SEGMENT;
+    let size = (channels[0].len() + channels[1].len()) * phases * SEGMENT;
     out[..size].fill(0.0);
     let mut before = 0;
     for image in images {
         for phase in 0..phases {
             let weights = &buffers.taps[(phase * total + before) * SEGMENT..][..image.len() * SEGMENT];
-            let mut channel = channels.start;
-            while channel < channels.end {
-                let out = &mut out[((channel - channels.start) * phases + phase) * SEGMENT..];
-                let at = Place { channel, phase, y, x };
-                channel += match channels.end - channel {
-                    1 => add::<S, 1>(s, image, at, weights, out),
-                    2 => add::<S, 2>(s, image, at, weights, out),
-                    _ => add::<S, 3>(s, image, at, weights, out),
-                };
+            let mut done = 0;
+            for part in &channels {
+                let mut channel = part.start;
+                while channel < part.end {
+                    let out = &mut out[(done * phases + phase) * SEGMENT..];
+                    let at = Place { channel, phase, y, x };
+                    let added = match part.end - channel {
+                        1 => add::<S, 1>(s, image, at, weights, out),
+                        2 => add::<S, 2>(s, image, at, weights, out),
+                        _ => add::<S, 3>(s, image, at, weights, out),
+                    };
+                    (channel, done) = (channel + added, done + added);
+                }
             }
         }
         before += image.len();

@@ -1,5 +1,7 @@
 //! The pyramid's levels, coarse to fine: predict a segment's kernels and apply them while they are in the cache.
 
+use std::ops::Range;
+
 use ndarray::Array3;
 use rayon::prelude::*;
 
@@ -185,7 +187,7 @@ impl SimdOp for CoarseRow<'_, '_> {
         let mut logits = head.buffers(levels.neighbours.len());
         let mut weights = TapWeights::default();
         let mut values_of = vec![0.0; values * SEGMENT];
-        let mut modulation = vec![0.0; 3 * SEGMENT];
+        let mut modulation = vec![0.0; 4 * SEGMENT];
         for x in (0..features.columns()).step_by(SEGMENT) {
             head.predict(s, features, pairs, y, x, &mut logits);
             let centre = &logits.centre;
@@ -200,8 +202,8 @@ impl SimdOp for CoarseRow<'_, '_> {
             for ((image, offsets), logits) in level.neighbours.iter().zip(&reach.neighbours).zip(&logits.pairs) {
                 taps.push(Taps { image, offsets, logits, queries: Some(&logits[head.pair_starts.queries * SEGMENT..]), ..own });
             }
-            apply(s, &taps, channels.key(), 0..values, y, x, &mut weights, &mut values_of);
-            put(line, stride, 0, mask, x, &values_of, &weights);
+            apply(s, &taps, channels.key(), channels.light(), y, x, &mut weights, &mut values_of);
+            put(line, stride, channels.light(), mask, x, &values_of, &weights);
             let Some((reach, coarser)) = albedo else { continue };
             let logits_of = &centre[head.starts.albedo * SEGMENT..];
             let mut taps = vec![Taps { offsets: &reach.centre, logits: logits_of, ..own }];
@@ -212,18 +214,17 @@ impl SimdOp for CoarseRow<'_, '_> {
             for ((image, offsets), logits) in level.neighbours.iter().zip(&reach.neighbours).zip(&logits.pairs) {
                 taps.push(Taps { image, offsets, logits: &logits[head.pair_starts.albedo * SEGMENT..], ..own });
             }
-            let first = channels.modulation();
-            apply(s, &taps, channels.key(), first..first + 3, y, x, &mut weights, &mut modulation);
-            put(line, stride, first, channels.modulation_mask(), x, &modulation, &weights);
+            apply(s, &taps, channels.key(), channels.modulated(), y, x, &mut weights, &mut modulation);
+            put(line, stride, channels.modulated(), channels.modulation_mask(), x, &modulation, &weights);
         }
     }
 }
 
-/// Writes a segment's [channel][32] to the channels from `first` on of a row, and to `mask` where any tap was usable.
+/// Writes a segment's [channel][32] to these channels of a row, and to `mask` where any tap was usable.
 #[inline(always)]
-fn put(line: &mut [f32], stride: usize, first: usize, mask: usize, x: usize, found: &[f32], weights: &TapWeights) {
-    for (channel, from) in found.chunks_exact(SEGMENT).enumerate() {
-        line[(first + channel) * stride + x..][..SEGMENT].copy_from_slice(from);
+fn put(line: &mut [f32], stride: usize, channels: [Range<usize>; 2], mask: usize, x: usize, found: &[f32], weights: &TapWeights) {
+    for (channel, from) in channels.into_iter().flatten().zip(found.chunks_exact(SEGMENT)) {
+        line[channel * stride + x..][..SEGMENT].copy_from_slice(from);
     }
     let mask = &mut line[mask * stride + x..][..SEGMENT];
     mask.iter_mut().zip(weights.scales()).for_each(|(to, scale)| *to = f32::from(*scale > 0.0));
@@ -255,7 +256,7 @@ impl SimdOp for FullRows<'_, '_> {
         let first = core.column - region.column;
         let mut logits = levels.predictor.full.buffers(levels.neighbours.len());
         let mut weights = TapWeights::default();
-        let mut modulation = vec![0.0; 3 * FULL_PHASES * SEGMENT];
+        let mut modulation = vec![0.0; 4 * FULL_PHASES * SEGMENT];
         let mut line = vec![0.0; values * FULL_PHASES * SEGMENT];
         let (image, phases) = (&level.centre, FULL_PHASES);
         for x in (first..first + core.columns).step_by(SEGMENT) {
@@ -288,10 +289,15 @@ impl SimdOp for FullRows<'_, '_> {
                     });
                 }
             }
-            let albedo_channels = channels.modulation()..channels.modulation() + 3;
-            apply(s, &albedo_taps, channels.key(), albedo_channels, y, x, &mut weights, &mut modulation);
-            own_where_zero(&mut modulation, image, channels.modulation(), y, x);
-            apply(s, &taps, channels.key(), 0..values, y, x, &mut weights, &mut line);
+            apply(s, &albedo_taps, channels.key(), channels.modulated(), y, x, &mut weights, &mut modulation);
+            own_where_none(&mut modulation, &weights, image, channels.modulated(), y, x);
+            apply(s, &taps, channels.key(), channels.light(), y, x, &mut weights, &mut line);
+            if channels.light()[1].start == 4 {
+                // The light passes make room for alpha, which comes before them.
+                let (alpha, rest) = (3 * FULL_PHASES * SEGMENT, line.len() - FULL_PHASES * SEGMENT);
+                line.copy_within(alpha..rest, alpha + FULL_PHASES * SEGMENT);
+                line[alpha..alpha + FULL_PHASES * SEGMENT].copy_from_slice(&modulation[alpha..alpha + FULL_PHASES * SEGMENT]);
+            }
             for (channel, line) in line.chunks_exact_mut(FULL_PHASES * SEGMENT).enumerate() {
                 let Some(c) = channels.modulated_by(channel) else { continue };
                 let modulation = &modulation[c * FULL_PHASES * SEGMENT..][..FULL_PHASES * SEGMENT];
@@ -333,13 +339,15 @@ fn put_seen(
     }
 }
 
-/// Where no tap's albedo was usable, inside a hole of bad pixels, the pixel's own serves: [3][phase][32].
+/// Where no tap's albedo was usable, inside a hole of bad pixels, the pixel's own serves: [channel][phase][32].
 #[inline(always)]
-fn own_where_zero(modulation: &mut [f32], image: &Planes, first: usize, y: usize, x: usize) {
-    for (i, m) in modulation.iter_mut().enumerate() {
-        if *m == 0.0 {
-            let column = (x + i % SEGMENT).min(image.columns() - 1);
-            *m = image.row(first * FULL_PHASES + i / SEGMENT, y)[column];
+fn own_where_none(modulation: &mut [f32], weights: &TapWeights, image: &Planes, channels: [Range<usize>; 2], y: usize, x: usize) {
+    for (channel, modulation) in channels.into_iter().flatten().zip(modulation.chunks_exact_mut(FULL_PHASES * SEGMENT)) {
+        for (i, (m, scale)) in modulation.iter_mut().zip(weights.scales()).enumerate() {
+            if *scale == 0.0 {
+                let column = (x + i % SEGMENT).min(image.columns() - 1);
+                *m = image.row(channel * FULL_PHASES + i / SEGMENT, y)[column];
+            }
         }
     }
 }

@@ -98,12 +98,14 @@ impl Reference {
         for _ in &probe.coarse {
             levels.push(levels[levels.len() - 1].par_iter().map(LevelImage::down).collect());
         }
+        let with_alpha = frame.alpha.is_some() && frame.albedo.is_some();
+        let modulated = 3 + usize::from(with_alpha);
         let mut out = None;
         for (k, (layers, logits)) in levels[1..].iter().zip(&probe.coarse).enumerate().rev() {
             let albedo = architecture.albedo_levels.saturating_sub(k + 1);
-            out = Some(coarse(layers, out.as_ref(), logits, architecture, albedo));
+            out = Some(coarse(layers, out.as_ref(), logits, architecture, (albedo, modulated)));
         }
-        Self { cells: fine(&levels[0], out.as_ref(), &probe.full, architecture, frame) }
+        Self { cells: fine(&levels[0], out.as_ref(), &probe.full, architecture, (frame, modulated)) }
     }
 }
 
@@ -112,13 +114,14 @@ fn frames_between(frames: &[Frame], centre: usize, offset: i32) -> Vec<&Frame> {
     (0..=offset.unsigned_abs() as usize).map(|k| if offset > 0 { &frames[centre + k] } else { &frames[centre - k] }).collect()
 }
 
-/// A level below full resolution; `albedo` counts the levels from here on down that filter the albedo.
+/// A level below full resolution; `albedo` counts the levels from here on down that filter the albedo, `modulated` what is filtered with it:
+/// its three channels, and alpha.
 fn coarse(
     layers: &[LevelImage],
     coarser: Option<&LevelImage>,
     logits: &RegionLogits,
     a: &Architecture,
-    albedo: usize,
+    (albedo, modulated): (usize, usize),
 ) -> LevelImage {
     let LevelImage { rows, columns, channels, .. } = layers[0];
     let [n_centre, n_coarse, n_albedo, n_near] = squares(a);
@@ -147,14 +150,18 @@ fn coarse(
                 taps.extend(layers[1..].iter().zip(&of_albedos).map(|(layer, logit)| layer.taps(1, at, logit)));
                 let coarser = coarser.filter(|_| albedo > 1);
                 taps.extend(coarser.map(|layer| layer.albedo_taps(a.coarse_taps, below, &of_coarser_albedo)));
-                [values, average(&taps, 3, &albedo_of)]
+                [values, average(&taps, modulated, &albedo_of)]
             };
             (0..columns).map(one).collect()
         })
         .collect();
     for [cells, modulation] in lines.into_iter().flatten() {
         out.mask.push(cells.is_some());
-        out.cells.extend(cells.unwrap_or_else(|| vec![BoundedValue::default(); channels]));
+        let mut cells = cells.unwrap_or_else(|| vec![BoundedValue::default(); channels]);
+        if let Some(alpha) = modulation.as_ref().and_then(|m| m.get(3)) {
+            cells[3] = *alpha;
+        }
+        out.cells.extend(cells);
         out.modulation_mask.push(modulation.is_some());
         out.modulation.push(modulation.map_or([BoundedValue::default(); 3], |m| [m[0], m[1], m[2]]));
     }
@@ -166,8 +173,9 @@ fn squares(a: &Architecture) -> [usize; 4] {
     [a.centre_taps, a.coarse_taps, a.albedo_taps, a.neighbour_taps].map(|size| size * size)
 }
 
+/// The albedo's channels, and alpha behind them.
 fn albedo_of(layer: &LevelImage, pixel: usize, c: usize) -> BoundedValue {
-    layer.modulation[pixel][c]
+    if c < 3 { layer.modulation[pixel][c] } else { channel(layer, pixel, c) }
 }
 
 /// Full resolution, cut to the frame's own size and modulated.
@@ -176,7 +184,7 @@ fn fine(
     half: Option<&LevelImage>,
     logits: &RegionLogits,
     a: &Architecture,
-    frame: &Frame,
+    (frame, modulated): (&Frame, usize),
 ) -> Array3<BoundedValue> {
     let channels = layers[0].channels;
     let (rows, columns) = frame.size();
@@ -205,10 +213,14 @@ fn fine(
             taps.extend(half.map(|layer| layer.taps(a.coarse_taps, below, &of_coarse)));
             let half = half.filter(|_| a.albedo_levels > 1);
             albedo.extend(half.map(|layer| layer.albedo_taps(a.coarse_taps, below, &of_coarse_albedo)));
-            let Some(values) = average(&taps, channels, &channel) else { continue };
-            let own = || (0..3).map(|c| albedo_of(&layers[0], y * layers[0].columns + x, c)).collect();
-            let modulation = average(&albedo, 3, &albedo_of).unwrap_or_else(own);
+            let own = || (0..modulated).map(|c| albedo_of(&layers[0], y * layers[0].columns + x, c)).collect();
+            let modulation = average(&albedo, modulated, &albedo_of).unwrap_or_else(own);
+            let values = average(&taps, channels, &channel).unwrap_or_else(|| vec![BoundedValue::default(); channels]);
             for (c, v) in values.iter().enumerate() {
+                if c == 3 && modulated == 4 {
+                    line[[x, c]] = modulation[3];
+                    continue;
+                }
                 let m = if c < 3 { Some(c) } else { (c - 3).checked_sub(alpha).map(|c| c % 3) };
                 line[[x, c]] = m.map_or(*v, |m| product(v, &modulation[m]));
             }
