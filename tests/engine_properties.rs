@@ -37,6 +37,23 @@ fn spoil(frame: &mut Frame, seed: u64) {
 }
 
 #[test]
+fn alpha_is_filtered_whatever_else_a_frame_has() {
+    for (albedo, aov) in [(true, true), (true, false), (false, true), (false, false)] {
+        let frame = |seed: u64| {
+            let mut frame = if albedo { guided(seed, 24, 40) } else { plain(seed, 24, 40) };
+            if aov {
+                split(&mut frame, seed, 1);
+            }
+            frame.alpha = Some(Array2::from_shape_fn((24, 40), |(y, x)| random(seed ^ 0x44, y, x, 0).mul_add(0.5, 0.25)));
+            frame
+        };
+        let frames = encode(&SMALL, (0..3).map(frame));
+        let found = denoise(&SMALL, &frames, 1, 1, 1.0).alpha.unwrap();
+        assert!(found.iter().all(|a| (0.25 - 1e-5..=0.75 + 1e-5).contains(a)), "albedo {albedo}, light passes {aov}: {found}");
+    }
+}
+
+#[test]
 fn alpha_falls_off_at_an_edge_as_the_albedo_does() {
     // A bright thing of albedo 1 on a transparent film: light is the same all over, albedo and alpha are the coverage.
     let epsilon = Weights::from_bytes("golden", SMALL_MODEL).unwrap().architecture.albedo_epsilon;

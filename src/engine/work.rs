@@ -58,7 +58,7 @@ impl Engine {
         let coarse_modulation = self.predictor.albedo_levels > 1;
         let mut channels = Channels {
             coarse_modulation,
-            alpha_as_modulation: packed.has_albedo,
+            alpha_as_modulation: packed.has_alpha && packed.has_albedo,
             ..Channels::new(packed.extra, packed.has_alpha)
         };
         let paths = paths(centre, neighbours);

@@ -22,8 +22,8 @@ pub struct Channels {
     pub alpha: bool,
     /// Extra channels of the packed frame that are not filtered, before those that are: an alpha of 1.
     pub skipped: usize,
-    /// Whether alpha is filtered by the modulation's kernels, as it falls off with a pixel's coverage where the albedo does and the light
-    /// that is divided by it does not.
+    /// Whether there is an alpha that is filtered by the modulation's kernels, as it falls off with a pixel's coverage where the albedo does
+    /// and the light that is divided by it does not.
     pub alpha_as_modulation: bool,
     /// Whether the coarser levels have the modulation.
     pub coarse_modulation: bool,
@@ -38,17 +38,17 @@ impl Channels {
     /// Without alpha, if there is one.
     pub fn opaque(self) -> Self {
         let alpha = usize::from(self.alpha);
-        Self { values: self.values - alpha, alpha: false, skipped: self.skipped + alpha, ..self }
+        Self { values: self.values - alpha, alpha: false, alpha_as_modulation: false, skipped: self.skipped + alpha, ..self }
     }
 
     /// The values that the light's kernels filter, in two parts.
     pub fn light(&self) -> [Range<usize>; 2] {
-        if self.alpha && self.alpha_as_modulation { [0..3, 4..self.values] } else { [0..self.values, self.values..self.values] }
+        if self.alpha_as_modulation { [0..3, 4..self.values] } else { [0..self.values, self.values..self.values] }
     }
 
     /// What the modulation's kernels filter: the modulation, and alpha where it is among that.
     pub fn modulated(&self) -> [Range<usize>; 2] {
-        let alpha = usize::from(self.alpha && self.alpha_as_modulation);
+        let alpha = usize::from(self.alpha_as_modulation);
         [self.modulation()..self.modulation() + 3, 3..3 + alpha]
     }
 

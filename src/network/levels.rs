@@ -292,7 +292,7 @@ impl SimdOp for FullRows<'_, '_> {
             apply(s, &albedo_taps, channels.key(), channels.modulated(), y, x, &mut weights, &mut modulation);
             own_where_none(&mut modulation, &weights, image, channels.modulated(), y, x);
             apply(s, &taps, channels.key(), channels.light(), y, x, &mut weights, &mut line);
-            if channels.light()[1].start == 4 {
+            if channels.alpha_as_modulation {
                 // The light passes make room for alpha, which comes before them.
                 let (alpha, rest) = (3 * FULL_PHASES * SEGMENT, line.len() - FULL_PHASES * SEGMENT);
                 line.copy_within(alpha..rest, alpha + FULL_PHASES * SEGMENT);
