@@ -18,7 +18,8 @@ pub(crate) fn ignores_case(file: &Path) -> bool {
 pub(crate) fn numbered_by(pattern: &NumberPattern, file: &Path) -> Option<(String, i64, usize, String)> {
     let name = file_name(file)?;
     let (before, number, digits, behind) = pattern.number_in_any_case(&name)?;
-    (pattern.number(&name).is_some() || ignores_case(file)).then(|| (before.into(), number, digits, behind.into()))
+    ((before, behind) == (&pattern.prefix, &pattern.suffix) || ignores_case(file))
+        .then(|| (before.into(), number, digits, behind.into()))
 }
 
 /// A file under the name that its folder has for it, of those in `beside`: named in another letter case, or short as in old Windows, it would
