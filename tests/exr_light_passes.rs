@@ -4,7 +4,7 @@ mod exr_support;
 
 use exr::prelude::{Compression, SampleType};
 use exr_support::*;
-use hush::io::{Selection, WriteOptions, read_frame, read_layout, resolve, write_denoised};
+use hush::io::{PassNames, Selection, WriteOptions, read_frame, read_layout, resolve, write_denoised};
 use hush::{Aov, Denoised, Error};
 use ndarray::Array3;
 
@@ -178,4 +178,34 @@ fn factors_are_no_light() {
         }
         assert!(found("all").unwrap().aovs.is_empty());
     }
+}
+
+#[test]
+fn the_beauty_guides_and_data_are_no_light() {
+    let (_folder, source, _) = folder();
+    let passes = [("Combined", "RGBA"), ("Denoising Albedo", "RGB"), ("Mist", "Z"), ("Position", "XYZ"), ("Rim", "RGBA")];
+    let passes = passes.map(|(name, channels)| (name, pass(&format!("ViewLayer.{name}"), channels, SampleType::F32, SIZE, 1)));
+    write(&source, split(passes.into(), vec![], true), Style::new(Compression::ZIP16));
+    let layout = read_layout(&source).unwrap();
+    let found = |name: &str, names: &PassNames| {
+        let selection = Selection { aovs: vec![name.into()], passes: names.clone(), ..Selection::default() };
+        resolve(&layout, &selection).map(|found| found.aovs.len())
+    };
+    let refused = [
+        ("Combined", "the image itself"),
+        ("Denoising Albedo", "a guide"),
+        ("Mist", "its channels are Z, not R, G, B"),
+        ("Position", "its channels are X, Y, Z, not R, G, B"),
+    ];
+    for (name, why) in refused {
+        match found(name, &PassNames::default()) {
+            Err(Error::BadSetting { name: "aovs", reason }) => assert!(reason.contains(name) && reason.contains(why), "{reason}"),
+            other => panic!("{name}: {other:?}"),
+        }
+    }
+    assert!(matches!(found("Rim", &PassNames::default()), Ok(1)));
+    // Where another pass is the beauty, Combined is a pass as any other.
+    let rim = PassNames { beauty: Some("Rim".into()), ..PassNames::default() };
+    assert!(matches!(found("Combined", &rim), Ok(1)));
+    assert!(matches!(found("Rim", &rim), Err(Error::BadSetting { name: "aovs", .. })));
 }

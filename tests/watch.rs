@@ -353,6 +353,29 @@ fn settings_that_cannot_be_read_hold_up_their_own_shot_alone() {
 }
 
 #[test]
+fn settings_that_change_are_told_and_taken_by_the_next_watch() {
+    let scene = Scene::new();
+    scene.land(1);
+    let settings = scene.path("in/hush.toml");
+    let told = |w: &Watch| format!("{:?}", w.named("warning")).matches("has changed: start the watch again").count();
+    let mut watch = scene.watch(&["--settle", "0.2", "--poll=0.1"]);
+    watch.until_done(1);
+    // A file that appears, one that says the same in other words, and another value.
+    for (text, count) in [("lambda = 4.0\n", 1), ("# twice\nlambda = 4.0\n", 2), ("# nothing\n", 2), ("lambda = 8.0\n", 3)] {
+        fs::write(&settings, text).unwrap();
+        let frame = scene.path("out").read_dir().unwrap().count();
+        watch.until("a warning of changed settings", |w| told(w) == count);
+        std::thread::sleep(PAUSE * 3);
+        assert_eq!((told(&watch), scene.path("out").read_dir().unwrap().count()), (count, frame), "{text}");
+    }
+    watch.stop();
+    let mut watch = scene.watch(&["--settle", "0.2", "--poll=0.1"]);
+    watch.until("the frame with the new settings", |w| w.named("frame").last().is_some_and(|f| f["lambda"] == 8.0));
+    assert_eq!(told(&watch), 0);
+    watch.stop();
+}
+
+#[test]
 fn settings_for_another_engine_hold_up_their_own_shot_alone() {
     for (line, name) in
         [("renderer = \"mitsuba\"", "renderer"), ("skip = \"none\"", "skip"), ("second_pass = true", "second_pass")]

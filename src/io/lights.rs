@@ -2,27 +2,28 @@
 
 use super::layout::{Layout, Pass, ViewLayer};
 use super::names::{self, LIGHT_PASSES, LightPass};
+use super::pass_names::PassNames;
 use super::resolved::{AovRef, DataWindow, Missing, PassRef};
+use super::selection::Selection;
+use super::view_layers::is_beauty;
 use crate::error::{Error, Result};
 
-/// The light passes of `wanted` in a layer and view, and what is missing for `all`. A pass that was named and is not there
-/// (or whose Color pass is not) is an error, and so is a factor that was named; under `all` both are left out.
+/// The light passes of a selection in a layer and view, and what is missing for `all`. A pass that was named and is not there
+/// (or whose Color pass is not) is an error, and so is one that was named and is no light; under `all` both are left out.
 pub(super) fn find(
     layout: &Layout,
     layer: &ViewLayer,
     view: Option<&str>,
-    wanted: &[String],
+    selection: &Selection,
     window: Option<DataWindow>,
 ) -> Result<(Vec<AovRef>, Vec<Missing>)> {
-    let finder = Finder { layout, layer, view, window };
+    let Selection { aovs: wanted, passes, .. } = selection;
+    let finder = Finder { layout, layer, view, window, passes };
     let (mut found, mut missing): (Vec<AovRef>, Vec<Missing>) = Default::default();
     for name in wanted {
         if !name.eq_ignore_ascii_case("all") {
-            if let Some(factor) = names::factor(name) {
-                let reason = format!(
-                    "{factor} is no light of the image but a factor, which these kernels would take out of its range: leave it out, and it \
-                     stays as it was rendered"
-                );
+            if let Some(why) = finder.why_no_light(name) {
+                let reason = format!("{name} is {why}: leave it out");
                 return Err(Error::BadSetting { name: "aovs", reason });
             }
             let aov = finder.named(name).map_err(|m| error(layout, m))?;
@@ -67,11 +68,31 @@ struct Finder<'a> {
     layer: &'a ViewLayer,
     view: Option<&'a str>,
     window: Option<DataWindow>,
+    passes: &'a PassNames,
 }
 
 impl<'a> Finder<'a> {
     fn pass(&self, names: &[&str]) -> Option<&'a Pass> {
         names.iter().find_map(|name| self.layer.pass(name, self.view))
+    }
+
+    /// What a pass is that was named and cannot be denoised with the beauty's kernels.
+    fn why_no_light(&self, name: &str) -> Option<String> {
+        const STAYS: &str = "which stays as it was rendered";
+        if names::is_factor(name) {
+            return Some(format!(
+                "no light of the image but a factor, which these kernels would take out of its range and {STAYS}"
+            ));
+        }
+        if is_beauty(name, self.passes) {
+            return Some("the image itself, which is denoised in any case".into());
+        }
+        if name.starts_with(names::DENOISING) {
+            return Some(format!("no light of the image but a guide, {STAYS}"));
+        }
+        let pass = self.pass(&[name]).filter(|pass| pass.rgb().is_none())?;
+        let channels: Vec<&str> = pass.channels.iter().map(|c| c.component.as_str()).collect();
+        Some(format!("no light of the image but data (its channels are {}, not R, G, B), {STAYS}", channels.join(", ")))
     }
 
     fn named(&self, name: &str) -> Result<AovRef, Missing> {

@@ -84,9 +84,11 @@ pub(crate) const LIGHT_PASSES: [LightPass; 12] = [
 /// the albedo that all light is divided by.
 const FACTORS: [[&str; 2]; 2] = [["Ambient Occlusion", "AO"], ["Shadow Catcher"; 2]];
 
-/// The depth among Blender's Denoising Data.
+/// What the passes of Blender's Denoising Data begin with.
+pub(super) const DENOISING: &str = "Denoising ";
+/// The depth among them.
 pub(super) const DENOISING_DEPTH: &str = "Denoising Depth";
-/// What Blender 5.2 writes with Denoising Data beside the guides. They are no light passes.
+/// What Blender 5.2 writes with them beside the guides. They are no light passes.
 pub(crate) const UNUSED_GUIDES: [&str; 2] = ["Denoising Specular Albedo", "Denoising Roughness"];
 
 /// The light pass of either name, whatever its case.
@@ -94,9 +96,9 @@ pub(crate) fn light_pass(name: &str) -> Option<&'static LightPass> {
     LIGHT_PASSES.iter().find(|l| l.full.eq_ignore_ascii_case(name) || l.short.eq_ignore_ascii_case(name))
 }
 
-/// The full name of a factor, given by either name, whatever its case.
-pub(super) fn factor(name: &str) -> Option<&'static str> {
-    FACTORS.iter().find(|names| names.iter().any(|n| n.eq_ignore_ascii_case(name))).map(|[full, _]| *full)
+/// Whether a pass, given by either name, whatever its case, is a factor.
+pub(super) fn is_factor(name: &str) -> bool {
+    FACTORS.iter().flatten().any(|n| n.eq_ignore_ascii_case(name))
 }
 
 /// Whether a pass holds one light group's share of the beauty (`Combined_Key`).

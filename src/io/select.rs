@@ -39,7 +39,7 @@ pub fn resolve(layout: &Layout, selection: &Selection) -> Result<Resolved> {
 
     let window = colour_ref.data_window(layout);
     let found = guides::find(layout, layer, view, selection, window)?;
-    let (aovs, missing_lights) = lights::find(layout, layer, view, &selection.aovs, window)?;
+    let (aovs, missing_lights) = lights::find(layout, layer, view, selection, window)?;
 
     let lambda_pass = selection.lambda_pass.as_deref().filter(|_| selection.lambda_images.is_none());
     let lambda_mask = lambda_pass.map(|name| lambda_mask::find(layout, layer, view, name, window)).transpose()?;

@@ -10,6 +10,11 @@ const ALL: &str = "all";
 /// Passes that hold the beauty: Blender's, a File Output node's, a plain image's, other writers'.
 const BEAUTY: [&str; 7] = ["Combined", "Image", "", "Beauty", "beauty", "RGBA", "rgba"];
 
+/// Whether a pass of this name holds the beauty, noisy or not.
+pub(super) fn is_beauty(pass: &str, names: &PassNames) -> bool {
+    names.beauty.as_deref().map_or_else(|| pass == NOISY || BEAUTY.contains(&pass), |beauty| pass == beauty)
+}
+
 /// The pass of a layer and view that holds the beauty.
 pub(super) fn beauty<'a>(layer: &'a ViewLayer, view: Option<&str>, names: &PassNames) -> Option<&'a Pass> {
     if let Some(name) = &names.beauty {

@@ -30,6 +30,8 @@ pub struct Job {
     pub strict: bool,
     /// What is odd about the settings themselves; said once, as a warning.
     pub notes: Vec<String>,
+    /// The files that the settings are from.
+    pub settings_files: Vec<PathBuf>,
 }
 
 /// What is known of a shot beyond the files that a job is given.
@@ -47,7 +49,8 @@ impl Job {
     /// A job with the default settings.
     pub fn new(sequence: Sequence, output: impl Into<PathBuf>) -> Self {
         let settings = ShotSettings::default();
-        Self { sequence, output: output.into(), whole: None, settings, overwrite: false, strict: false, notes: Vec::new() }
+        let (notes, settings_files) = Default::default();
+        Self { sequence, output: output.into(), whole: None, settings, overwrite: false, strict: false, notes, settings_files }
     }
 
     /// The job for a sequence with these settings. `output` is where to write, whatever they say.
@@ -59,7 +62,8 @@ impl Job {
             return Err(Error::SwitchedOff { by: settings.origin("enable").to_string() });
         }
         let output = output.map_or_else(|| settings.output(), Ok)?;
-        Ok(Self { settings: settings.values.clone(), notes: settings.notes.clone(), ..Self::new(sequence, output) })
+        let (values, notes, settings_files) = (settings.values.clone(), settings.notes.clone(), settings.files());
+        Ok(Self { settings: values, notes, settings_files, ..Self::new(sequence, output) })
     }
 
     /// This job with other settings.

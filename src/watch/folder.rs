@@ -143,6 +143,7 @@ impl<'a> Folder<'a> {
         if changes.all || self.now() >= self.next_scan {
             let before = self.now();
             self.scan(&self.tree.input.clone())?;
+            self.tell_of_other_settings();
             let took = self.now().saturating_sub(before);
             self.next_scan = self.now() + (took * SHARE).max(self.poll.unwrap_or(RESCAN));
         } else {
@@ -217,6 +218,17 @@ impl<'a> Folder<'a> {
                      frame's: where it is the other one, watch '{pattern}' instead"
                 ));
             }
+        }
+    }
+
+    /// Tells where a shot's settings were changed after they were read.
+    fn tell_of_other_settings(&mut self) {
+        for shot in self.shots.values_mut() {
+            let Some(file) = shot.changed_settings(self.job) else { continue };
+            let (shot, file) = (&shot.name, file.display());
+            let message =
+                format!("{shot} goes on with the settings that it began with, though {file} has changed: start the watch again");
+            (self.report)(WatchEvent::Warning { kind: WarningKind::Note, message });
         }
     }
 

@@ -15,6 +15,7 @@ mod ready;
 mod ready_rules;
 #[cfg(test)]
 mod ready_tests;
+mod settings_files;
 mod shots;
 mod tree;
 mod watcher;

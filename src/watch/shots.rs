@@ -8,6 +8,7 @@ use super::WatchOptions;
 use super::landing::{FileCheck, Made};
 use super::ready::Frames;
 use super::ready_rules::ReadyRules;
+use super::settings_files::SettingsFiles;
 use super::tree::{FrameFile, ShotKey, Tree};
 use crate::engine::Identity;
 use crate::error::{Error, Result};
@@ -28,6 +29,7 @@ pub(super) struct Shot {
     pub rules: ReadyRules,
     /// The settings; its sequence is empty.
     job: Job,
+    settings_files: SettingsFiles,
     /// The engine's that makes its frames.
     engine: Identity,
     /// The width of the numbers in the files' names.
@@ -58,7 +60,8 @@ impl Shot {
         let key = ShotKey::clone(&file.key);
         let path = tree.source(&key, file.number, file.digits);
         let frames = vec![SequenceFrame { number: file.number, path }];
-        let mut job = job(Sequence { name: key.pattern(file.digits), frames, ignored: Vec::new(), named: None })?;
+        let sequence = Sequence { name: key.pattern(file.digits), frames, ignored: Vec::new(), named: None };
+        let (mut job, settings_files) = SettingsFiles::read(sequence, job)?;
         job.output = tree.output(&key);
         job.sequence.frames.clear();
         (job.overwrite, job.strict) = (false, false);
@@ -79,6 +82,7 @@ impl Shot {
             rules,
             engine: engine.clone(),
             job,
+            settings_files,
             digits: BTreeMap::new(),
             warned: BTreeSet::new(),
             reported_incomplete: BTreeMap::new(),
@@ -87,6 +91,11 @@ impl Shot {
             own: BTreeSet::new(),
             degraded: BTreeSet::new(),
         })
+    }
+
+    /// The file that other settings than the shot's stand in by now; told once of each change.
+    pub fn changed_settings(&mut self, job: &dyn Fn(Sequence) -> Result<Job>) -> Option<PathBuf> {
+        self.settings_files.changed(&self.job, job)
     }
 
     /// The output folder.
