@@ -126,6 +126,8 @@ def test_a_shots_file_gives_back_takes_and_halves(tmp_path: Path) -> None:
         for half, passes in zip(shot.halves[frame], parts, strict=True):
             assert np.abs(np.moveaxis(half.numpy(), 0, -1)[inner] - passes["color"][inner]).max() < 5e-4
         torch.testing.assert_close(shot.references[frame], shot.halves[frame].mean(0))
+        albedo = np.mean([passes["albedo"] for passes in parts], 0)
+        assert np.abs(np.moveaxis(shot.reference_albedos[frame].numpy(), 0, -1) - albedo).max() < 3e-3
 
 
 def test_a_seed_that_is_in_two_folders_is_one_shot(tmp_path: Path) -> None:
@@ -158,6 +160,7 @@ def test_shots_of_the_first_format_are_read(tmp_path: Path, count: int) -> None:
         "albedo": (image(count) * 255).astype(np.uint8),
         "normal": (image(count) * 127).astype(np.int8),
         "ref": image(),
+        "ref_albedo": (image() * 255).astype(np.uint8),
     }
     arrays |= {"depth": depth, "vector": r.random((count, ROWS, COLUMNS, 4)).astype(np.float16)} | (
         {"ref_before": image()} if count == 7 else {}
@@ -172,6 +175,7 @@ def test_shots_of_the_first_format_are_read(tmp_path: Path, count: int) -> None:
     assert shot.depth[:, 0, 0].abs().max() == 0, "Blender 5.2's background, clamped, is background"
     assert (shot.spp, len(shot.takes), shot.halves) == (3, 1, {})
     assert sorted(shot.references) == ([2, 3] if count == 7 else [2])
+    assert same(255 * shot.reference_albedos[shot.centre], arrays["ref_albedo"])
 
 
 @pytest.mark.parametrize("bits", [np.float16, np.int16])

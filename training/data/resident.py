@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -107,10 +107,11 @@ class Resident:
         """Takes shots into the device's memory."""
         self.join(pool_of(shot) for shot in shots)
 
-    def read(self, paths: Iterable[Path]) -> None:
-        """Reads shots into the device's memory, several at once: most of the time goes into inflating their files."""
+    def read(self, paths: Iterable[Path], change: Callable[[Shot], Shot] = lambda shot: shot) -> None:
+        """Reads shots into the device's memory, each as `change` makes it, several at once: most of the time goes into inflating their
+        files."""
         with ThreadPoolExecutor(os.cpu_count()) as readers:
-            self.join(readers.map(lambda path: pool_of(read_shot(path)), paths))
+            self.join(readers.map(lambda path: pool_of(change(read_shot(path))), paths))
 
     def join(self, single: Iterable[Pool]) -> None:
         found: dict[tuple[object, ...], list[Pool]] = {}

@@ -33,7 +33,7 @@ class Shot:
     colour, albedo, normal (n, 3, H, W), depth (n, 1, H, W), vector (n, 4, H, W); references: frame → (3, H, W), the middle one and
     in some shots the one before. takes: the same frames with other noise, of which the first is what colour, albedo, normal, depth and
     spp are; none in shots made by hand. halves: frame → (2, 3, H, W), two independent renders of which the reference is the mean, where
-    there are two.
+    there are two. reference_albedos: frame → (3, H, W), of the references' samples.
     """
 
     seed: int
@@ -47,6 +47,7 @@ class Shot:
     meta: dict[str, object] = field(default_factory=dict)
     takes: list[Take] = field(default_factory=list)
     halves: dict[int, Tensor] = field(default_factory=dict)
+    reference_albedos: dict[int, Tensor] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return self.depth.shape[-4]
@@ -89,6 +90,7 @@ def read_shot(path: Path) -> Shot:
         meta=stored.meta,
         takes=takes,
         halves={frame: parts for frame, parts in halves.items() if len(parts) == 2},
+        reference_albedos={middle - k: tensor(albedo) for k, albedo in enumerate(stored.ref_albedo)},
     )
 
 

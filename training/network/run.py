@@ -16,6 +16,7 @@ from training.network.clock import Clock
 from training.network.measure import Scores, sample, scores
 from training.network.model import Hush
 from training.network.muon import Both
+from training.network.references import ReferenceDenoiser
 
 
 @dataclass
@@ -30,6 +31,7 @@ class Run:
     clock: Clock
     shots: Resident
     held: Resident
+    denoiser: ReferenceDenoiser | None = None
     step: int = 0
     known: set[str] = field(default_factory=set)
 
@@ -39,10 +41,10 @@ class Run:
         return copy.deepcopy(net).eval().requires_grad_(False)
 
     def find_shots(self) -> None:
-        """Reads the shots that came since the last time."""
+        """Reads the shots that came since the last time; what is measured against is never denoised."""
         new = {path.stem: path for path in shot_paths(self.sources) if path.stem not in self.known}
-        for into, held in ((self.shots, False), (self.held, True)):
-            into.read(path for path in new.values() if is_held(path) == held)
+        self.held.read(path for path in new.values() if is_held(path))
+        self.shots.read((path for path in new.values() if not is_held(path)), self.denoiser or (lambda shot: shot))
         self.known |= new.keys()
 
     def resume(self, state: dict[str, object]) -> None:

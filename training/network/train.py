@@ -24,6 +24,7 @@ from training.network.clock import Clock, rate_share
 from training.network.model import Architecture, Hush
 from training.network.muon import Both
 from training.network.objective import SHARES, Shares, objective
+from training.network.references import ReferenceDenoiser
 from training.network.run import Run, bound_gradients, checkpoint
 from training.network.weights_file import Trained, begin_from, changed
 
@@ -67,6 +68,9 @@ def arguments() -> argparse.Namespace:
     names = lambda text: [name for name in text.split(",") if name]
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("--shots", type=Path, nargs="+", required=True, help="folders of shots; new ones are read at every checkpoint")
+    p.add_argument(
+        "--denoise-references", type=Path, metavar="WEIGHTS", help="weights that denoise the training shots' references of few samples"
+    )
     p.add_argument("--out", type=Path, required=True)
     p.add_argument("--device", default="cpu", choices=("cpu", "cuda", "mps"))
     p.add_argument("--start", type=Path, help="a weights file, or a checkpoint's averaged weights, that a new run starts from")
@@ -205,7 +209,9 @@ def main() -> None:
         net.average = mean.average = fused.average
     if a.drop_coarse:
         drop_coarse(net, a.drop_coarse)
-    run = Run(a.out, a.shots, net, mean, Both(net, a.rate, decay_coarse=a.decay_coarse), clock, Resident(device), Resident(device))
+    denoiser = ReferenceDenoiser(a.denoise_references, a.fused and a.device == "cpu") if a.denoise_references else None
+    optimiser = Both(net, a.rate, decay_coarse=a.decay_coarse)
+    run = Run(a.out, a.shots, net, mean, optimiser, clock, Resident(device), Resident(device), denoiser)
     if state:
         run.resume(state)
     run.find_shots()

@@ -118,11 +118,12 @@ class StoredTake:
 @dataclass
 class Stored:
     """What a shot's file holds, floats of 32 bits: vector (n, 4, rows, columns); halves (references, 1 or 2, 3, rows, columns), of the
-    middle frame and the one before."""
+    middle frame and the one before; ref_albedo (references or 1, 3, rows, columns)."""
 
     takes: list[StoredTake]
     vector: np.ndarray
     halves: np.ndarray
+    ref_albedo: np.ndarray
     meta: dict[str, Any]
 
 
@@ -136,9 +137,10 @@ def load(path: Path) -> Stored:
             depth = floats(z["depth"])
             depth = np.where(depth < float(np.float16(BRIGHTEST)), depth, 0.0)  # 5.2's background, clamped when it was written
             take = StoredTake(meta["spp"], floats(first(z["color"])), first(albedo), first(normal), depth)
-            references = [z[name] for name in ("ref", "ref_before") if name in z]
-            return Stored([take], floats(first(z["vector"])), floats(first(np.stack(references)))[:, None], meta)
+            halves = floats(first(np.stack([z[name] for name in ("ref", "ref_before") if name in z])))[:, None]
+            return Stored([take], floats(first(z["vector"])), halves, floats(first(z["ref_albedo"])[None]) / 255, meta)
         color, depth = floats(whole(z["color"], np.float16)), floats(whole(z["depth"], np.float16))
         vector, halves = floats(whole(z["vector"], np.int16)) / VECTOR_STEPS, floats(whole(z["halves"], np.float16))
+        ref_albedo = floats(z["ref_albedo"]) / 255
     takes = [StoredTake(*parts) for parts in zip(meta["spp"], color, albedo, normal, depth, strict=True)]
-    return Stored(takes, vector, halves, meta)
+    return Stored(takes, vector, halves, ref_albedo, meta)

@@ -1,0 +1,82 @@
+"""Tests of references that trained weights denoise: python -m pytest training"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+from torch import Tensor
+
+from training.data.inputs import prepare
+from training.data.resident import Resident
+from training.data.shots import Shot
+from training.example_shots import moving_shot, noise
+from training.network.references import ReferenceDenoiser, samples
+from training.network.run import Run
+
+torch.set_num_threads(1)
+WEIGHTS = Path(__file__).parents[1] / "models/hush.safetensors"
+
+
+def still_shot(strength: float) -> tuple[Shot, Tensor]:
+    """A ramp that nothing moves on, with noisy references; and the ramp."""
+    size = 64
+    ramp = torch.linspace(0.2, 1.0, size).expand(3, size, size)
+    whole = lambda value, channels: torch.full((7, channels, size, size), value)
+    references = {k: ramp * (1 + strength * (noise(3, size, size, seed=k) - 0.5)) for k in (2, 3)}
+    albedos = {k: torch.full((3, size, size), 0.5) for k in (2, 3)}
+    shot = Shot(1, 4, whole(0.5, 3), whole(0.5, 3), whole(0.5, 3), whole(2.0, 1), whole(0.0, 4), references, reference_albedos=albedos)
+    return shot, ramp
+
+
+def test_references_lose_their_noise_and_nothing_else_changes() -> None:
+    shot, ramp = still_shot(1.0)
+    made = ReferenceDenoiser(WEIGHTS, in_c=False)(shot)
+    for frame, before in shot.references.items():
+        error = lambda image: float(((image - ramp) / ramp).square().mean())
+        assert error(made.references[frame]) < 0.1 * error(before)
+    assert replace(made, references={}) == replace(shot, references={})
+
+
+def test_each_reference_has_the_other_as_its_neighbour() -> None:
+    shot = moving_shot(rows=32, columns=32)
+    shot.reference_albedos = {3: noise(3, 32, 32, seed=7)}
+    denoiser = ReferenceDenoiser(WEIGHTS, in_c=False)
+    made = denoiser(shot).references
+    frames = [1, 2, 3]
+    colour = torch.stack([shot.colour[1], shot.references[2], shot.references[3]])
+    albedo = torch.stack([shot.albedo[1], shot.albedo[2], shot.reference_albedos[3]])
+    around = Shot(1, 1, colour, albedo, shot.normal[frames], shot.depth[frames], shot.vector[frames], {})
+    pair = replace(around, **{name: getattr(around, name)[1:] for name in ("colour", "albedo", "normal", "depth", "vector")})
+    for frame, of, offset in ((2, around, 1), (3, pair, -1)):
+        batch = {name: image[None] for name, image in prepare(of, (offset,), epsilon=denoiser.net.arch.albedo_epsilon).items()}
+        torch.testing.assert_close(made[frame], denoiser.net(batch, torch.ones(1))["image"][0])
+    alone = {name: image[None] for name, image in prepare(pair, (), epsilon=denoiser.net.arch.albedo_epsilon).items()}
+    lonely = replace(shot, references={3: shot.references[3]})
+    torch.testing.assert_close(denoiser(lonely).references[3], denoiser.net(alone, torch.ones(1))["image"][0])
+
+
+@pytest.mark.parametrize(
+    ("said", "count"), [({}, 0), ({"reference": 2048}, 2048), ({"reference": [320, 0.01]}, 640), ({"reference": [1024, 0.0056]}, 2048)]
+)
+def test_references_of_many_samples_stay(said: dict[str, object], count: int) -> None:
+    shot = replace(still_shot(1.0)[0], meta=said)
+    assert samples(shot) == count
+    assert (ReferenceDenoiser(WEIGHTS, in_c=False)(shot) is shot) == (count >= 1024)
+
+
+def test_what_is_measured_against_is_never_denoised(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for seed in (16, 17, 18):
+        (tmp_path / f"{seed:06d}.npz").touch()
+    monkeypatch.setattr("training.data.resident.read_shot", lambda path: moving_shot(seed=int(path.stem)))
+    changed: list[int] = []
+    denoiser = lambda shot: changed.append(shot.seed) or shot
+    device = torch.device("cpu")
+    run = Run(tmp_path, [tmp_path], *[None] * 4, Resident(device), Resident(device), denoiser)
+    run.find_shots()
+    assert (sorted(changed), run.shots.seeds, run.held.seeds) == ([17, 18], [17, 18], [16])
+    changed.clear()
+    run.find_shots()
+    assert (changed, len(run.shots)) == ([], 2)
