@@ -22,12 +22,14 @@ class Shares:
 
     half: float = 0.1  # SMAPE of the demodulated half level
     quarter: float = 0.05  # SMAPE of the demodulated quarter level
-    blotches: float = 0.1  # SMAPE of the final image at half resolution
+    blotches: float = 0.1  # SMAPE of the final image's means over squares, of each of SQUARES
     fireflies: float = 0.5  # log1p of relMSE by squares
     temporal: float = 0.75  # flicker of two frames in a row
 
 
 SHARES = Shares()
+# Sides of the squares whose means are looked at: what varies slowly, and whether light gets lost, drowns in the noise of single pixels.
+SQUARES = (2, 4, 8, 16)
 
 
 def demodulated(view: View) -> Tensor:
@@ -54,7 +56,8 @@ def still_loss(out: Output, view: View, lam: Tensor, shares: Shares = SHARES) ->
     for level, share in (("half", shares.half), ("quarter", shares.quarter)):
         base = F.avg_pool2d(base, 2)
         total = total + share * (smape(out[level] * gain, base) * effort).mean()
-    total = total + shares.blotches * (smape(F.avg_pool2d(image, 2), F.avg_pool2d(reference, 2)) * effort).mean()
+    for side in SQUARES:
+        total = total + shares.blotches * (smape(F.avg_pool2d(image, side), F.avg_pool2d(reference, side)) * effort).mean()
     weight = F.avg_pool2d(weight, BLOCK) if lam.dim() > 1 else weight
     return total + shares.fireflies * (fireflies(image, reference) * weight * effort).mean()
 
