@@ -107,11 +107,12 @@ class Resident:
         """Takes shots into the device's memory."""
         self.join(pool_of(shot) for shot in shots)
 
-    def read(self, paths: Iterable[Path], change: Callable[[Shot], Shot] = lambda shot: shot) -> None:
-        """Reads shots into the device's memory, each as `change` makes it, several at once: most of the time goes into inflating their
-        files."""
+    def read(self, paths: Iterable[Path], change: Callable[[Shot], Shot | None] = lambda shot: shot) -> None:
+        """Reads shots into the device's memory, each as `change` makes it, without those that it makes nothing of; several at once: most
+        of the time goes into inflating their files."""
         with ThreadPoolExecutor(os.cpu_count()) as readers:
-            self.join(readers.map(lambda path: pool_of(change(read_shot(path))), paths))
+            shots = readers.map(lambda path: change(read_shot(path)), paths)
+            self.join(pool_of(shot) for shot in shots if shot)
 
     def join(self, single: Iterable[Pool]) -> None:
         found: dict[tuple[object, ...], list[Pool]] = {}

@@ -20,12 +20,19 @@ from training.network.objective import denoised
 from training.network.weights_file import Trained
 
 ENOUGH = 1024  # samples from which on a reference is better than what is made of it
+TIMES = 8  # as many samples as the noisy frames it must have, or what is made of it is hardly better than what is to be learnt
+UNSAID = 256  # samples of the references of files that do not say
 
 
 def samples(shot: Shot) -> float:
-    """The samples a pixel of a shot's references, both halves; 0 where its file does not say, as those of few do not."""
-    said = shot.meta.get("reference", 0)
-    return said if isinstance(said, int) else 2 * said[0]
+    """The samples a pixel of a shot's references, both halves."""
+    said = shot.meta.get("reference", UNSAID)
+    return 2 * said[0] if isinstance(said, list) else said
+
+
+def is_worth_learning(shot: Shot) -> bool:
+    """Whether its references have enough samples beside its noisy frames."""
+    return samples(shot) >= TIMES * max([shot.spp, *(take.spp for take in shot.takes)])
 
 
 class ReferenceDenoiser:
@@ -37,10 +44,12 @@ class ReferenceDenoiser:
         if in_c:
             self.net.average = fused.average
 
-    def __call__(self, shot: Shot) -> Shot:
-        """The shot with other references, where they have fewer samples than `ENOUGH`."""
+    def __call__(self, shot: Shot) -> Shot | None:
+        """The shot with other references, where they have fewer samples than `ENOUGH`; None where it teaches nothing."""
         if samples(shot) >= ENOUGH:
             return shot
+        if not is_worth_learning(shot):
+            return None
         frames = sorted(shot.references)
         return replace(shot, references={frame: self.denoised(shot, frames, frame) for frame in frames})
 

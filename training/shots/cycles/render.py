@@ -39,7 +39,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=1, help="how many seeds")
     parser.add_argument("--every", type=int, default=1, help="of those only the multiples of this; 8: only validation shots")
     parser.add_argument("--takes", type=int, default=3, help="noisy takes of each frame, each with its own seeds and samples")
-    parser.add_argument("--samples", type=int, default=1024, help="of each half of a reference, at most")
+    parser.add_argument("--samples", type=int, default=1024, help="of each half of a reference, at most; at least four times a take's")
     parser.add_argument(
         "--threshold", type=float, default=0.0056, help="noise at which a pixel of a half is done; their mean has 0.7 of it"
     )

@@ -23,6 +23,9 @@ LAYERS = {"color": ("Combined", "RGB"), "albedo": ("Denoising Albedo", "RGB"), "
     "vector": ("Vector", "XYZW"),
 }
 SPP = (0.5, 5.7)  # log2 of a take's samples
+TIMES = (
+    4  # as many samples as the takes has each half of a reference at least: what is made of it is to be better than what is made of them
+)
 
 
 @dataclass(frozen=True)
@@ -99,11 +102,12 @@ def shot(seed: int, settings: Settings, scratch: Path) -> str:
         return f"{seed} skipped: {why}"
     takes = takes_of(r, scratch, wanted)
     halfway = time.perf_counter()
-    clean = Sampling(quality.samples, quality.threshold, min(48, quality.samples), quality.seconds)
+    samples = max(quality.samples, TIMES * max(s.samples for s in wanted))
+    clean = Sampling(samples, quality.threshold, min(48, samples), quality.seconds)
     references = [[render(scratch, scenes.MIDDLE + k, clean, r.randrange(1 << 30), vectors=False) for _ in range(2)] for k in (0, -1)]
     done = time.perf_counter()
     meta = {"seed": seed, **about, "spp": [s.samples for s in wanted], "adaptive": [s.threshold for s in wanted], "size": settings.size}
-    meta |= {"blender": bpy.app.version_string, "device": settings.device, "reference": [quality.samples, quality.threshold]}
+    meta |= {"blender": bpy.app.version_string, "device": settings.device, "reference": [samples, quality.threshold]}
     save(settings.output / f"{seed:06d}.npz", takes, references, meta)
     what = " ".join((about["kind"], about["motion"], *about["features"]))
     return f"{seed} {what}: {meta['spp']} spp, noisy {halfway - began:.1f} s, references {done - halfway:.1f} s"
