@@ -27,7 +27,7 @@ def misses(seed: int, folder: Path) -> tuple[float, float, float]:
     from training.shots.mitsuba import scenes
 
     world = scenes.build(random.Random(seed), folder)
-    scene = mi.load_dict(world.at(0, SIZE))
+    scene = mi.load_dict(world.at(0, SIZE), optimize=False)
     flow = vectors(scene, world, 0, SIZE)[0].reshape(-1, 4)
     rows, columns = np.meshgrid(np.arange(SIZE), np.arange(SIZE), indexing="ij")
     here = np.stack((columns, rows), -1).reshape(-1, 2)
@@ -36,7 +36,7 @@ def misses(seed: int, folder: Path) -> tuple[float, float, float]:
     for step, way in ((-1, np.c_[flow[:, 0], -flow[:, 1]]), (1, np.c_[-flow[:, 2], flow[:, 3]])):
         there = here + way
         inside = (there > 0).all(1) & (there < SIZE - 1).all(1) & (owners >= 0)
-        then = mi.load_dict(world.at(step, SIZE))
+        then = mi.load_dict(world.at(step, SIZE), optimize=False)
         hits, _, others = traced(then, then.sensors()[0], (there + 0.5) / SIZE, len(world.things))
         expected = np.c_[points, np.ones(len(points))]
         for k, thing in enumerate(world.things):

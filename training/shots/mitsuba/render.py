@@ -138,13 +138,13 @@ def shot(seed: int, size: int, target: Path, frames: Path | None) -> str:
         world = scenes.build(r, Path(folder))
         samples = round(2 ** r.uniform(0, 5.0))
         noisy, middle, miss = [], {}, 0.0
-        scene = mi.load_dict(world.at(0, size))
+        scene = mi.load_dict(world.at(0, size), optimize=False)  # merged shapes lose their names
         if why := dull(rendered(scene, 4, 999)):
             return f"{seed} skipped: {why}"
         for frame in range(-(FRAMES // 2), FRAMES // 2 + 1):
             scene = None
             gc.collect()  # a scene loaded beside another compiles all over again
-            scene = mi.load_dict(world.at(frame, size))
+            scene = mi.load_dict(world.at(frame, size), optimize=False)
             passes = rendered(scene, samples, r.randrange(1 << 30))
             passes["vector"], error = vectors(scene, world, frame, size)
             noisy.append(passes)
