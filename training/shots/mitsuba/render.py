@@ -3,8 +3,8 @@
     python -m training.shots.mitsuba.render runs/mitsuba --first 20000 --count 64
     python -m training.shots.mitsuba.render runs/mitsuba --first 20000 --count 1 --exr runs/frames
 
-Wants mitsuba from PyPI (3.9.1) and, for its LLVM mode, the system's libLLVM (19; 16 fails on some CPUs); DRJIT_LIBLLVM_PATH names it where it
-is not found. `--variant scalar_rgb` does without, several times slower. Albedo, normals and depth are what Mitsuba's `aov`
+Wants mitsuba from PyPI (3.9.1) and, for its LLVM mode, the system's libLLVM, 19 (16 fails on some CPUs); DRJIT_LIBLLVM_PATH names it where
+it is not found. `--variant scalar_rgb` does without, several times slower. Albedo, normals and depth are what Mitsuba's `aov`
 integrator gives. Mitsuba has no motion vectors: they are computed from the poses of the shapes and the camera, in Cycles' form.
 """
 
