@@ -6,7 +6,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 EPSILON = 1e-2
-RELATIVE = 0.1
+RELATIVE = 0.2
 BLOCK = 4  # side of the squares that fireflies are looked for in
 
 
