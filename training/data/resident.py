@@ -107,12 +107,16 @@ class Resident:
         """Takes shots into the device's memory."""
         self.join(pool_of(shot) for shot in shots)
 
-    def read(self, paths: Iterable[Path], change: Callable[[Shot], Shot | None] = lambda shot: shot) -> None:
+    def read(self, paths: Iterable[Path], change: Callable[[Shot], Shot | None] | None = None) -> None:
         """Reads shots into the device's memory, each as `change` makes it, without those that it makes nothing of; several at once: most
         of the time goes into inflating their files."""
+
+        def made(path: Path) -> Pool | None:
+            shot = change(read_shot(path)) if change else read_shot(path)
+            return pool_of(shot) if shot else None
+
         with ThreadPoolExecutor(os.cpu_count()) as readers:
-            shots = readers.map(lambda path: change(read_shot(path)), paths)
-            self.join(pool_of(shot) for shot in shots if shot)
+            self.join(pool for pool in readers.map(made, paths) if pool)
 
     def join(self, single: Iterable[Pool]) -> None:
         found: dict[tuple[object, ...], list[Pool]] = {}

@@ -14,6 +14,7 @@ from torch import Tensor
 
 from training.data.batches import looked_at
 from training.data.inputs import ALL_GUIDES
+from training.data.resident import takes_of
 from training.data.shots import Shot
 from training.network import fused
 from training.network.objective import denoised
@@ -32,7 +33,7 @@ def samples(shot: Shot) -> float:
 
 def is_worth_learning(shot: Shot) -> bool:
     """Whether its references have enough samples beside its noisy frames."""
-    return samples(shot) >= TIMES * max([shot.spp, *(take.spp for take in shot.takes)])
+    return samples(shot) >= TIMES * max(take.spp for take in takes_of(shot))
 
 
 class ReferenceDenoiser:

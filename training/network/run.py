@@ -44,7 +44,7 @@ class Run:
         """Reads the shots that came since the last time; what is measured against is never denoised."""
         new = {path.stem: path for path in shot_paths(self.sources) if path.stem not in self.known}
         self.held.read(path for path in new.values() if is_held(path))
-        self.shots.read((path for path in new.values() if not is_held(path)), self.denoiser or (lambda shot: shot))
+        self.shots.read((path for path in new.values() if not is_held(path)), self.denoiser)
         self.known |= new.keys()
 
     def resume(self, state: dict[str, object]) -> None:

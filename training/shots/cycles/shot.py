@@ -23,9 +23,8 @@ LAYERS = {"color": ("Combined", "RGB"), "albedo": ("Denoising Albedo", "RGB"), "
     "vector": ("Vector", "XYZW"),
 }
 SPP = (0.5, 5.7)  # log2 of a take's samples
-TIMES = (
-    4  # as many samples as the takes has each half of a reference at least: what is made of it is to be better than what is made of them
-)
+# As many samples as the takes has each half of a reference at least: what is made of it is to be better than what is made of them.
+TIMES = 4
 
 
 @dataclass(frozen=True)
