@@ -45,6 +45,9 @@ def main() -> None:
     )
     parser.add_argument("--seconds", type=float, default=60.0, help="by the clock for each half of a reference, at most; 0: any")
     parser.add_argument("--size", type=int, default=128, help="width and height in pixels")
+    parser.add_argument(
+        "--largest", type=float, default=1.0, help="three quarters of the shots are squares of larger frames, up to so many times --size"
+    )
     parser.add_argument("--assets", type=Path, default=Path("runs/assets"), help="folder of training.shots.cycles.fetch_assets")
     parser.add_argument("--threads", type=int, default=0, help="threads for Cycles, of each process; 0: all")
     parser.add_argument("--processes", type=int, default=1, help="that render at once")
@@ -53,7 +56,7 @@ def main() -> None:
     if not found(chosen.assets).hdris:
         print(f"no assets in {chosen.assets}: the shots will have neither HDRIs, models nor normal maps", file=sys.stderr)
     quality = Quality(chosen.takes, chosen.samples, chosen.threshold, chosen.seconds)
-    settings = Settings(chosen.output, chosen.assets, chosen.size, quality, chosen.threads, chosen.device)
+    settings = Settings(chosen.output, chosen.assets, chosen.size, chosen.largest, quality, chosen.threads, chosen.device)
     chosen.output.mkdir(parents=True, exist_ok=True)
     seeds = [seed for seed in range(chosen.first, chosen.first + chosen.count) if seed % chosen.every == 0]
     left = [str(seed) for seed in seeds if not (chosen.output / f"{seed:06d}.npz").exists()]

@@ -19,11 +19,13 @@ class Quality:
 
 @dataclass(frozen=True)
 class Settings:
-    """Where the shots go, how they are rendered and on what."""
+    """Where the shots go, how they are rendered and on what; `size` is a shot's side in pixels, `largest` how many times that the side of
+    the frame that it is a part of."""
 
     output: Path
     assets: Path
     size: int
+    largest: float
     quality: Quality
     threads: int
     device: str

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 import time
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ import bpy
 import numpy as np
 import OpenEXR
 
-from training.shots.cycles import device, scenes
+from training.shots.cycles import device, part, scenes
 from training.shots.cycles.assets import found
 from training.shots.cycles.features import VECTOR_LAYER
 from training.shots.cycles.settings import Settings
@@ -41,8 +42,8 @@ def read(path: Path) -> Passes:
     """The passes of a multilayer EXR, (height, width, channels); those of the main view layer, vectors of the layer for vectors if it
     is there."""
     channels: dict[str, dict[str, np.ndarray]] = {}
-    for part in OpenEXR.File(str(path), separate_channels=True).parts:
-        for name, channel in part.channels.items():
+    for layers in OpenEXR.File(str(path), separate_channels=True).parts:
+        for name, channel in layers.channels.items():
             layer, inner = name.split(".", 1)
             channels.setdefault(layer, {})[inner] = channel.pixels
     vectors = channels.pop(VECTOR_LAYER, {})
@@ -88,11 +89,14 @@ def takes_of(r: random.Random, scratch: Path, wanted: list[Sampling]) -> list[li
 def shot(seed: int, settings: Settings, scratch: Path) -> str:
     """Builds, renders and saves one shot; a line about it."""
     began = time.perf_counter()
-    r, about = scenes.build(seed, found(settings.assets), settings.size)
+    frame = part.frame_of(seed, settings.size, settings.largest)
+    # A pixel of movement is more of them in a larger frame, though a thing is larger still.
+    r, about = scenes.build(seed, found(settings.assets), round(math.sqrt(settings.size * frame)))
     scene = bpy.context.scene
     device.choose(scene, settings.device)
-    scene.render.resolution_x = scene.render.resolution_y = settings.size
+    scene.render.resolution_x = scene.render.resolution_y = frame
     scene.render.resolution_percentage = 100
+    part.choose(seed, scene, settings.size)
     if settings.threads:
         scene.render.threads_mode, scene.render.threads = "FIXED", settings.threads
     quality = settings.quality
@@ -105,7 +109,8 @@ def shot(seed: int, settings: Settings, scratch: Path) -> str:
     clean = Sampling(samples, quality.threshold, min(48, samples), quality.seconds)
     references = [[render(scratch, scenes.MIDDLE + k, clean, r.randrange(1 << 30), vectors=False) for _ in range(2)] for k in (0, -1)]
     done = time.perf_counter()
-    meta = {"seed": seed, **about, "spp": [s.samples for s in wanted], "adaptive": [s.threshold for s in wanted], "size": settings.size}
+    meta = {"seed": seed, **about, "spp": [s.samples for s in wanted], "adaptive": [s.threshold for s in wanted]}
+    meta |= {"size": settings.size, "frame": frame}
     meta |= {"blender": bpy.app.version_string, "device": settings.device, "reference": [samples, quality.threshold]}
     save(settings.output / f"{seed:06d}.npz", takes, references, meta)
     what = " ".join((about["kind"], about["motion"], *about["features"]))
