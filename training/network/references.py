@@ -1,7 +1,8 @@
 """References of few samples, denoised by trained weights before another network learns from them.
 
 A reference's noise is not only noise in the gradients. The losses are about medians, and what a few samples give is skewed: below its mean
-for the most part, far above it now and then. So a network that learns from noisy references learns to darken.
+for the most part, far above it now and then. So a network that learns from noisy references learns to darken. And from denoised ones it
+learns to blur what was blurred there: so where a reference's halves say that it is better as rendered, it stays so.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 
 from training.data.batches import looked_at
@@ -23,6 +25,9 @@ from training.network.weights_file import Trained
 ENOUGH = 1024  # samples from which on a reference is better than what is made of it
 TIMES = 8  # as many samples as the noisy frames it must have, or what is made of it is hardly better than what is to be learnt
 UNSAID = 256  # samples of the references of files that do not say
+SIDE = 5  # of the squares that the noise is measured over, as the loss's `around`
+DARK = 0.06  # of a reference's mean, that relative errors are over at least
+UNKNOWN = 0.5  # share of the denoised one in references without halves
 
 
 def samples(shot: Shot) -> float:
@@ -34,6 +39,21 @@ def samples(shot: Shot) -> float:
 def is_worth_learning(shot: Shot) -> bool:
     """Whether its references have enough samples beside its noisy frames."""
     return samples(shot) >= TIMES * max(take.spp for take in takes_of(shot))
+
+
+def mixed(rendered: Tensor, denoised: Tensor, halves: Tensor | None) -> Tensor:
+    """The best of a reference as rendered and denoised, (3, H, W), by the two renders that it is the mean of, (2, 3, H, W).
+
+    What denoising changes is the noise and what it wrongly takes away. The mean square of the change, relative and over SIDE² pixels,
+    is both; a quarter of that of the halves' difference is the noise. So much of the change is made as the noise has of it (Wiener).
+    """
+    if halves is None:
+        return UNKNOWN * denoised + (1 - UNKNOWN) * rendered
+    smooth = lambda image: F.avg_pool2d(image[None], SIDE, 1, SIDE // 2, count_include_pad=False)[0]
+    scale = (smooth(denoised.abs()) + DARK * denoised.abs().mean()).clamp_min(1e-12)
+    power = lambda image: smooth((image / scale).square()).mean(0, keepdim=True)
+    noise, change = power(halves[0] - halves[1]) / 4, power(denoised - rendered)
+    return rendered + (noise / change.clamp_min(1e-12)).clamp_max(1) * (denoised - rendered)
 
 
 class ReferenceDenoiser:
@@ -52,7 +72,8 @@ class ReferenceDenoiser:
         if not is_worth_learning(shot):
             return None
         frames = sorted(shot.references)
-        return replace(shot, references={frame: self.denoised(shot, frames, frame) for frame in frames})
+        best = lambda frame: mixed(shot.references[frame], self.denoised(shot, frames, frame), shot.halves.get(frame))
+        return replace(shot, references={frame: best(frame) for frame in frames})
 
     @torch.no_grad()
     def denoised(self, shot: Shot, frames: list[int], frame: int) -> Tensor:
