@@ -13,24 +13,15 @@ from __future__ import annotations
 
 import argparse
 import sys
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 from training.benchmark.frames import SHOTS, SPP
+from training.benchmark.settings import Settings
 from training.shots.cycles.device import DEVICES
 from training.shots.processes import run_all
 
 FRAMES = tuple(range(1, 9))
-
-
-@dataclass(frozen=True)
-class Settings:
-    """Where the frames go, and on what they are rendered."""
-
-    cache: Path
-    threads: int
-    device: str
 
 
 def kind(text: str) -> str:
@@ -58,7 +49,7 @@ def rendered(settings: Settings, job: str) -> str:
     if target.exists():
         return ""
     name, folder, frame = job.split()
-    seconds = shot.rendered(name, folder, int(frame), target, settings.device, settings.threads)
+    seconds = shot.rendered(name, folder, int(frame), target, settings)
     return f"{name} {folder} frame {frame}: {seconds:.1f} s"
 
 
@@ -69,11 +60,12 @@ def main() -> None:
     parser.add_argument("--spp", nargs="+", type=kind, default=[*map(str, SPP), "reference"], help="samples of noisy frames, or reference")
     parser.add_argument("--passes", type=int, default=4, help="of the references")
     parser.add_argument("--frames", type=int, nargs="+", default=list(FRAMES))
+    parser.add_argument("--scale", type=int, default=1, help="render the middle of frames so many times as wide; 6: of 1920×1080")
     parser.add_argument("--threads", type=int, default=0, help="threads for Cycles, of each process; 0: all")
     parser.add_argument("--processes", type=int, default=1, help="that render at once")
     parser.add_argument("--device", choices=DEVICES, default="cpu", help="that Cycles renders on")
     chosen = parser.parse_args()
-    settings = Settings(chosen.cache.resolve(), chosen.threads, chosen.device)
+    settings = Settings(chosen.cache.resolve(), chosen.scale, chosen.threads, chosen.device)
     wanted = folders(chosen.spp, chosen.passes)
     jobs = [f"{shot} {folder} {frame}" for shot in chosen.shots for folder in wanted for frame in chosen.frames]
     left = [job for job in jobs if not target_of(settings.cache, job).exists()]

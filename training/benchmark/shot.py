@@ -11,7 +11,8 @@ import bpy
 
 from training.benchmark.scenes import fog, fur, garden, glass, interior, walker
 from training.benchmark.scenes.kit import FIRST, LAST
-from training.shots.cycles import device
+from training.benchmark.settings import Settings
+from training.shots.cycles import device, part
 
 SCENES = {"interior": interior, "garden": garden, "glass": glass, "walker": walker, "fog": fog, "fur": fur}
 WIDTH, HEIGHT = 320, 180
@@ -67,6 +68,14 @@ def prepare(scene: bpy.types.Scene, folder: str) -> None:
     layer.use_pass_z = False
 
 
+def enlarge(scene: bpy.types.Scene, scale: int) -> None:
+    """Makes the frame `scale` times as wide and high; of it the WIDTH × HEIGHT pixels in the middle are rendered."""
+    render = scene.render
+    render.resolution_x, render.resolution_y = WIDTH * scale, HEIGHT * scale
+    if scale > 1:
+        part.border(render, (WIDTH * (scale - 1) // 2, HEIGHT * (scale - 1) // 2), (WIDTH, HEIGHT))
+
+
 def render(scene: bpy.types.Scene, frame: int, target: Path) -> float:
     """One frame, written aside and moved into place; seconds it took."""
     began = time.perf_counter()
@@ -80,14 +89,15 @@ def render(scene: bpy.types.Scene, frame: int, target: Path) -> float:
     return time.perf_counter() - began
 
 
-def rendered(shot: str, folder: str, frame: int, target: Path, on: str, threads: int) -> float:
+def rendered(shot: str, folder: str, frame: int, target: Path, settings: Settings) -> float:
     """A frame of the shot that the process has, or else the one it builds; seconds it took."""
     if shot != BUILT.shot:
         build(shot)
         BUILT.shot = shot
     scene = bpy.context.scene
-    device.choose(scene, on)
-    if threads:
-        scene.render.threads_mode, scene.render.threads = "FIXED", threads
+    device.choose(scene, settings.device)
+    if settings.threads:
+        scene.render.threads_mode, scene.render.threads = "FIXED", settings.threads
+    enlarge(scene, settings.scale)
     prepare(scene, folder)
     return render(scene, frame, target)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+from collections.abc import Sequence
 
 import bpy
 from bpy_extras.object_utils import world_to_camera_view
@@ -37,6 +38,15 @@ def middles(scene: bpy.types.Scene) -> list[tuple[float, float]]:
     return found
 
 
+def border(render: bpy.types.RenderSettings, start: Sequence[int], size: Sequence[int]) -> None:
+    """Renders only so many pixels of the frame, from those on, by column and row, rows up."""
+    (left, low), (width, height) = start, size
+    render.use_border = render.use_crop_to_border = True
+    # Blender rounds: a tenth of a pixel keeps off the half, and off the whole number.
+    render.border_min_x, render.border_max_x = ((at + 0.1) / render.resolution_x for at in (left, left + width))
+    render.border_min_y, render.border_max_y = ((at + 0.1) / render.resolution_y for at in (low, low + height))
+
+
 def choose(seed: int, scene: bpy.types.Scene, size: int) -> None:
     """Renders only a square of `size` pixels of the scene's frame, by the seed."""
     render, r = scene.render, drawn(seed, "part")
@@ -50,7 +60,4 @@ def choose(seed: int, scene: bpy.types.Scene, size: int) -> None:
     for axis in range(2):
         at = aim[axis] * side + r.gauss(0, SPREAD) * size - size / 2 if aim else r.uniform(0, side - size)
         starts.append(min(max(round(at), 0), side - size))
-    render.use_border = render.use_crop_to_border = True
-    # Blender rounds: a tenth of a pixel keeps off the half.
-    render.border_min_x, render.border_min_y = ((start + 0.1) / side for start in starts)
-    render.border_max_x, render.border_max_y = ((start + size + 0.1) / side for start in starts)
+    border(render, starts, (size, size))
