@@ -27,14 +27,14 @@ class CompositeJob(job.Job):
 
     doing, does = "composited", "composites"
 
-    def __init__(self, scene_name: str, what: contents.Contents, blend: Path, command: list[str]) -> None:
+    def __init__(self, scene: bpy.types.Scene, what: contents.Contents, blend: Path, command: list[str]) -> None:
         self.contents = what
         self.done: dict[int, str] = {}
         self.remarks: dict[int, tuple[str, str]] = dict(what.refused)
         self._blend = blend
         self._folder = Path(what.work["folder"])
         self._had_folder = os.path.exists(self._folder)
-        super().__init__(scene_name, command, {**what.work, "blend": str(blend)})
+        super().__init__(scene, command, {**what.work, "blend": str(blend)})
 
     def line(self, event: dict[str, Any]) -> str | None:
         """One for each frame."""
@@ -81,7 +81,7 @@ def start(scene: bpy.types.Scene, *, allow_stale: bool = False) -> CompositeJob:
     command = _command(scene, scripts=scripts)
     what.work |= {"module": "compositing.run", "path": _import_path(), "scripts": scripts}
     blend = contents.save_copy(scene, scripts=scripts)
-    made = job.start(lambda: CompositeJob(scene.name, what, blend, command))
+    made = job.start(lambda: CompositeJob(scene, what, blend, command))
     made.warnings += [problem.text for problem in composite_problems(scene)]
     return made
 

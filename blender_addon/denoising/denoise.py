@@ -23,7 +23,7 @@ _LAST_DIGITS = re.compile(r"\d+(?=\D*$)")
 def progress(scene: bpy.types.Scene) -> tuple[float, str] | None:
     """How far the scene's denoising is, 0…1, and in words; None where it is not being denoised."""
     running = job.current()
-    return (running.fraction, running.text) if running and running.scene_name == scene.name else None
+    return (running.fraction, running.text) if running and running.is_of(scene) else None
 
 
 def runs(scene: bpy.types.Scene, source: str = "", target: str = "", *, overwrite: bool = False) -> list[dict[str, Any]]:
@@ -109,7 +109,7 @@ def start(scene: bpy.types.Scene, source: str = "", target: str = "", *, overwri
     """
     job.refuse_second()
     todo = runs(scene, source, target, overwrite=overwrite)
-    return job.start(lambda: DenoiseJob(scene.name, todo))
+    return job.start(lambda: DenoiseJob(scene, todo))
 
 
 class DenoiseJob(job.Job):
@@ -117,12 +117,12 @@ class DenoiseJob(job.Job):
 
     doing, does = "denoised", "denoises"
 
-    def __init__(self, scene_name: str, todo: list[dict[str, Any]]) -> None:
+    def __init__(self, scene: bpy.types.Scene, todo: list[dict[str, Any]]) -> None:
         self._runs = max(1, len(todo))
         self._frames, self._finished, self._in_frame = 1, 0, 0.0
         # Of this run: frames to compute and computed; of all: computed, and when the first one was begun.
         self._todo, self._here, self._computed, self._first = 0, 0, 0, 0.0
-        super().__init__(scene_name, job.command(), {"module": "denoising.run", "path": job.import_path(), "runs": todo})
+        super().__init__(scene, job.command(), {"module": "denoising.run", "path": job.import_path(), "runs": todo})
 
     def line(self, event: dict[str, Any]) -> str | None:
         """One for each frame."""

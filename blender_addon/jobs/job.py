@@ -15,10 +15,13 @@ import time
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .. import messages
 from ..messages import Refusal
+
+if TYPE_CHECKING:
+    import bpy
 
 WORKER = Path(__file__).with_name("worker.py")
 # How long a stopped worker may go on with the frame in hand when Blender ends.
@@ -34,8 +37,9 @@ class Job:
     # What is being done to the shot, and what the process does, for messages.
     doing, does = "worked on", "works"
 
-    def __init__(self, scene_name: str, command: list[str], work: dict[str, Any]) -> None:
-        self.scene_name = scene_name
+    def __init__(self, scene: "bpy.types.Scene", command: list[str], work: dict[str, Any]) -> None:
+        self.scene_name = scene.name
+        self._scene_uid = scene.session_uid
         self.fraction = 0.0
         self.text = messages.text("job_starting")
         self.warnings: list[str] = []
@@ -49,6 +53,10 @@ class Job:
         self._said_the_end, self._closed, self._ends = False, False, 0.0
         self._process = self._start(command)
         self._say(json.dumps(work) + "\n")
+
+    def is_of(self, scene: "bpy.types.Scene") -> bool:
+        """Whether the work is on a scene, whatever its name is by now."""
+        return scene.session_uid == self._scene_uid
 
     @property
     def errors(self) -> list[str]:

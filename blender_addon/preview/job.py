@@ -5,10 +5,13 @@
 import shutil
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .. import messages
 from ..jobs import job
+
+if TYPE_CHECKING:
+    import bpy
 
 # What the names of the temporary folders begin with.
 FOLDER = "hush-preview-"
@@ -23,12 +26,12 @@ class PreviewJob(job.Job):
 
     doing, does = "previewed", "denoises"
 
-    def __init__(self, scene_name: str, file: Path, border: list[float] | None, arguments: dict[str, Any]) -> None:
+    def __init__(self, scene: "bpy.types.Scene", file: Path, border: list[float] | None, arguments: dict[str, Any]) -> None:
         command, path = job.command(), job.import_path()
         self.result: dict[str, Any] | None = None
         self.folder = Path(tempfile.mkdtemp(prefix=FOLDER))
         work = {"module": "preview.run", "path": path, "folder": str(self.folder), "file": str(file), "border": border}
-        super().__init__(scene_name, command, {**work, "arguments": arguments})
+        super().__init__(scene, command, {**work, "arguments": arguments})
         self.text = messages.text("preview_running")
 
     @property

@@ -128,7 +128,7 @@ class HUSH_OT_preview_frame(background.JobOperator, bpy.types.Operator):
         global _running
         layer = context.view_layer.name if context.view_layer and scene == context.scene else ""
         self._scene_name, self._editor, self._space = scene.name, display.editor(context), compat.file_space(scene)
-        _running = PreviewJob(scene.name, *arguments(scene, layer, flicker=self.flicker))
+        _running = PreviewJob(scene, *arguments(scene, layer, flicker=self.flicker))
         return _running
 
     def execute(self, context: bpy.types.Context) -> set[str]:

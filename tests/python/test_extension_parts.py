@@ -47,7 +47,9 @@ def test_places_are_the_same_through_links_and_in_other_letter_case(tmp_path: Pa
 )
 def test_how_a_process_ended_is_told(end: str, expected: str) -> None:
     job = importlib.import_module("hush_parts.jobs.job")
-    made = job.Job("Scene", [sys.executable, "-c", f"import os, sys; sys.stdin.readline(); {end}"], {})
+    made = job.Job(
+        types.SimpleNamespace(name="Scene", session_uid=1), [sys.executable, "-c", f"import os, sys; sys.stdin.readline(); {end}"], {}
+    )
     limit = time.monotonic() + 30
     while not made.ended and time.monotonic() < limit:
         made.poll()

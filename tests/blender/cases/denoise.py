@@ -200,6 +200,9 @@ def test_stopped_half_way_and_continued() -> None:
     assert not bpy.ops.hush.denoise_shot.poll(), "a second run could be started"
     wait_for_frames(running, 2)
     assert denoise.progress(scene) is not None and 0 < running.fraction < 1
+    scene.name = "Renamed while it runs"
+    assert denoise.progress(scene) is not None
+    assert denoise.progress(bpy.data.scenes.new("Scene")) is None
     running.cancel()
     kit.ended(running)
     assert denoise.outcome(running)[0] == "CANCELLED"

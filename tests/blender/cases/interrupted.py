@@ -52,7 +52,7 @@ def test_a_process_that_closes_its_output_and_stays() -> None:
     code = (
         "import json, os, sys, time; sys.stdin.readline(); print(json.dumps({'event': 'finished'}), flush=True); os.close(1); time.sleep(3)"
     )
-    running = job.Job("Scene", [sys.executable, "-c", code], {})
+    running = job.Job(bpy.context.scene, [sys.executable, "-c", code], {})
     until = time.monotonic() + 20
     while not running._closed:
         began = time.monotonic()
