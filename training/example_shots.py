@@ -28,13 +28,25 @@ def noisy(count: int, rows: int, columns: int, seed: int) -> dict[str, Tensor]:
 
 
 def moving_shot(
-    count: int = 7, references: tuple[int, ...] = (3, 2), rows: int = 32, columns: int = 48, seed: int = 1, takes: int = 1
+    count: int = 7,
+    references: tuple[int, ...] = (3, 2),
+    rows: int = 32,
+    columns: int = 48,
+    seed: int = 1,
+    takes: int = 1,
+    parted: bool = False,
 ) -> Shot:
-    """Noise over smooth vectors that point out of the frame in places."""
+    """Noise over smooth vectors that point out of the frame in places; `parted`, with light in two parts."""
     coarse = noise(count, 4, 3, 4, seed=seed + 5) * 12 - 6
     vector = F.interpolate(coarse, size=(rows, columns), mode="bilinear")
     targets = {k: noise(3, rows, columns, seed=seed + 20 + k) for k in references}
     others = [Take(4 * (k + 1), **noisy(count, rows, columns, seed + 100 * k)) for k in range(takes)]
     first = others[0]
     own = first.colour, first.albedo, first.normal, first.depth
-    return Shot(seed, first.spp, *own, vector, targets, takes=others if takes > 1 else [])
+    shot = Shot(seed, first.spp, *own, vector, targets, takes=others if takes > 1 else [])
+    if parted:
+        share = noise(3, rows, columns, seed=seed + 30)
+        for of in [shot, *others]:
+            of.part = stored("colour", of.colour * share)
+        shot.reference_parts = {k: image * share for k, image in targets.items()}
+    return shot

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from training.data import lambda_maps
-from training.data.augment import composed, oriented, recoloured
+from training.data.augment import composed, oriented, recoloured, relit
 from training.data.batches import Batches, Recipe, looked_at, rotations
 from training.data.geometry import chain, exposure
 from training.data.inputs import ALL_GUIDES, Guides, frames, prepare, view
@@ -102,12 +102,12 @@ def test_a_crop_is_the_shot_cut_out() -> None:
 
 
 def test_each_take_keeps_its_noise_and_its_samples() -> None:
-    shot = moving_shot(takes=3)
+    shot = moving_shot(takes=3, parted=True)
     (pool,) = resident(shot).pools.values()
     batch = pool.shots(chosen([0, 0, 0]), chosen([2, 0, 1]), 0, 6)
     for at, number in enumerate((2, 0, 1)):
         take = shot.of_take(number)
-        for name in ("colour", "albedo", "normal", "depth"):
+        for name in ("colour", "albedo", "normal", "depth", "part"):
             torch.testing.assert_close(getattr(batch, name)[at], getattr(take, name))
         assert batch.spp[at] == take.spp
     assert not torch.equal(shot.takes[0].colour, shot.takes[1].colour)
@@ -173,6 +173,32 @@ def test_colours_are_exchanged_and_tinted_alike_in_light_albedo_and_reference() 
         torch.testing.assert_close(made.references[3][b], expected, rtol=1e-3, atol=1e-5)
 
 
+def test_other_light_is_the_same_for_noise_and_reference() -> None:
+    (pool,) = resident(moving_shot(seed=1, parted=True), moving_shot(seed=2, parted=True)).pools.values()
+    shot = pool.shots(chosen([0, 1] * 20), chosen([0] * 40), 0, 6)
+    torch.testing.assert_close(shot.part[1], moving_shot(seed=2, parted=True).part)
+    made = relit(shot, 0.5, torch.Generator().manual_seed(1))
+    kept = [b for b in range(40) if torch.equal(made.colour[b], shot.colour[b])]
+    assert 8 < len(kept) < 32
+    assert made.part is None and not made.reference_parts, "they are of the light before"
+    for b in set(range(40)) - set(kept):
+        for c in range(3):
+            # Two weights explain all pixels of all frames and of the reference, to what half floats leave of a part.
+            parts = torch.stack((shot.part[b, :, c], shot.colour[b, :, c] - shot.part[b, :, c]), -1).flatten(0, 2)
+            weights = torch.linalg.lstsq(parts, made.colour[b, :, c].flatten()[:, None]).solution[:, 0]
+            torch.testing.assert_close(parts @ weights, made.colour[b, :, c].flatten(), rtol=1e-3, atol=1e-3)
+            whole, part = shot.references[3][b, c], shot.reference_parts[3][b, c]
+            torch.testing.assert_close(part * weights[0] + (whole - part) * weights[1], made.references[3][b, c], rtol=1e-2, atol=1e-3)
+
+
+def test_shots_with_light_in_one_part_stay_and_have_a_pool_of_their_own() -> None:
+    pools = resident(moving_shot(seed=1), moving_shot(seed=2, parted=True)).pools.values()
+    assert [len(pool) for pool in pools] == [1, 1]
+    (plain,) = (pool for pool in pools if pool.reference_parts is None)
+    shot = plain.shots(chosen([0]), chosen([0]), 0, 6)
+    assert relit(shot, 1.0, torch.Generator()) is shot
+
+
 def test_rotations_keep_lengths_and_half_of_them_the_y_axis() -> None:
     turns = rotations(400, torch.Generator().manual_seed(1))
     torch.testing.assert_close(turns @ turns.mT, torch.eye(3).expand(400, 3, 3), rtol=0, atol=1e-5)
@@ -193,7 +219,9 @@ def test_lambda_maps_stay_within_the_dial_and_vary_in_their_share() -> None:
     torch.testing.assert_close(lam[~varies][:, 0, 0, 0], constant[~varies], rtol=1e-3, atol=1e-3)
 
 
-@pytest.mark.parametrize("shot", [moving_shot(columns=32), moving_shot(5, (2,), columns=32), moving_shot(rows=48, columns=48, takes=2)])
+@pytest.mark.parametrize(
+    "shot", [moving_shot(columns=32), moving_shot(5, (2,), columns=32), moving_shot(rows=48, columns=48, takes=2, parted=True)]
+)
 def test_every_kind_of_batch_is_finite_and_of_one_shape(shot: Shot) -> None:
     recipe = Recipe(outputs=4, crop=32, whole=0.0, composed=0.5, lambda_maps=0.5, farther=0.0)
     batches = Batches(resident(shot, shot), recipe, 1)

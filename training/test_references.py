@@ -80,6 +80,17 @@ def test_each_reference_has_the_other_as_its_neighbour() -> None:
     torch.testing.assert_close(denoiser(lonely).references[3], best)
 
 
+def test_parts_of_the_light_are_denoised_by_themselves() -> None:
+    shot, ramp = still_shot(1.0)
+    denoiser = ReferenceDenoiser(WEIGHTS, in_c=False)
+    of_part = {k: image * ramp for k, image in shot.references.items()}
+    of_rest = {k: image - of_part[k] for k, image in shot.references.items()}
+    made = denoiser(replace(shot, reference_parts=of_part))
+    for frame in shot.references:
+        torch.testing.assert_close(made.reference_parts[frame], denoiser.best(shot, of_part, {})[frame])
+        torch.testing.assert_close(made.references[frame], made.reference_parts[frame] + denoiser.best(shot, of_rest, {})[frame])
+
+
 @pytest.mark.parametrize(
     ("said", "count", "taught"),
     [

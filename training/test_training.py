@@ -130,6 +130,26 @@ def test_a_shots_file_gives_back_takes_and_halves(tmp_path: Path) -> None:
         assert np.abs(np.moveaxis(shot.reference_albedos[frame].numpy(), 0, -1) - albedo).max() < 3e-3
 
 
+@pytest.mark.parametrize(("share", "kept"), [(0.3, True), (0.01, False), (0.99, False)])
+def test_a_shots_file_keeps_the_parts_of_its_light_where_both_have_some(tmp_path: Path, share: float, kept: bool) -> None:
+    def frame(seed: int) -> shot_file.Passes:
+        passes = stored_passes(seed)
+        passes["color"][0] = 0.5
+        return passes | {"part": passes["color"] * np.float32(share)}
+
+    takes, halves = [[frame(10 * take + k) for k in range(7)] for take in range(2)], [[frame(90 + k)] * 2 for k in range(2)]
+    shot_file.save(tmp_path / "050001.npz", takes, halves, {"seed": 50001, "spp": [4, 1]})
+    shot = read_shot(tmp_path / "050001.npz")
+    assert [take.part is not None for take in shot.takes] == [kept] * 2
+    assert sorted(shot.reference_parts) == sorted(shot.part_halves) == ([2, 3] if kept else [])
+    if kept:
+        for number in range(2):
+            of = shot.of_take(number)
+            torch.testing.assert_close(of.part, of.colour * share, rtol=5e-3, atol=1e-3)
+        torch.testing.assert_close(shot.reference_parts[3], shot.references[3] * share, rtol=2e-3, atol=1e-3)
+        torch.testing.assert_close(shot.part_halves[2][1], shot.halves[2][1] * share, rtol=2e-3, atol=1e-3)
+
+
 def test_a_seed_that_is_in_two_folders_is_one_shot(tmp_path: Path) -> None:
     for name in ("a/000008.npz", "a/000010.npz", "b/000008.npz", "b/000009.npz", "b/000011.part.npz", "b/notes.npz"):
         (tmp_path / name).parent.mkdir(exist_ok=True)

@@ -11,13 +11,35 @@ from torch import Tensor
 from training.data.shots import Shot
 
 TINT = 0.25  # deviation of the logarithm of a channel's tint
+RELIT = 1.0  # deviation of the logarithm of what a part of the light is multiplied by
 BRIGHTNESS = 0.5  # deviation of the logarithm of the light of a shot behind another, beside equal light
 NEAREST, FARTHEST = 0.15, 0.6  # share of a shot's pixels that is put in front of another
 
 
 def remade(shot: Shot, **changes: object) -> Shot:
-    """The shot with changes, which its other takes and its references' halves do not have."""
-    return replace(shot, takes=[], halves={}, **changes)
+    """The shot with changes, which its other takes, its references' halves and its parts of light do not have."""
+    return replace(shot, **{"takes": [], "halves": {}, "part": None, "reference_parts": {}, "part_halves": {}, **changes})
+
+
+def relit(shots: Shot, share: float, generator: torch.Generator) -> Shot:
+    """A share of the shots of a batch under other light: each of its two parts in another colour and brightness.
+
+    Light adds up, so noise, guides and target belong together as before. Shots whose light is in one stay.
+    """
+    if shots.part is None:
+        return shots
+    b, device = len(shots.colour), shots.colour.device
+    normal = lambda *shape: torch.randn(*shape, generator=generator, device=device)
+    weights = torch.exp(normal(b, 2, 1) * RELIT + normal(b, 2, 3) * TINT)
+    chosen = torch.rand(b, 1, 1, generator=generator, device=device) < share
+    weights = torch.where(chosen, weights, 1.0)
+
+    def lit(whole: Tensor, part: Tensor) -> Tensor:
+        of_part, of_rest = (weights[:, k].view(b, *[1] * (whole.dim() - 4), 3, 1, 1) for k in range(2))
+        return part * of_part + (whole - part) * of_rest
+
+    references = {k: lit(x, shots.reference_parts[k]) for k, x in shots.references.items()}
+    return remade(shots, colour=lit(shots.colour, shots.part), references=references)
 
 
 def flipped(images: Tensor, dim: int, components: tuple[int, ...] = ()) -> Tensor:

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from training.data import lambda_maps
-from training.data.augment import composed, oriented, recoloured
+from training.data.augment import composed, oriented, recoloured, relit
 from training.data.inputs import Guides, frames, of_frames, path, view
 from training.data.resident import Crop, Pool, Resident
 from training.data.shots import FARTHEST, OFFSETS, Shot
@@ -30,6 +30,7 @@ class Recipe:
     paired: float = 0.5  # of two frames in a row, for the temporal loss, where shots have references of both
     farther: float = 0.15  # with four neighbours out of ±1 to ±3 instead of ±1 and ±2, where shots have them
     composed: float = 0.15  # of shots in front of others
+    relit: float = 0.6  # of the examples of shots with two parts of light are seen under another
     lambda_maps: float = 0.3  # of the examples have a λ that varies inside the frame; 0 gives λ as (B,), else as maps
     epsilon: float = 0.05  # that is added to the albedo: the architecture's
     turned: bool = False  # normals in a world that is turned at random, for renderers that give them in world space
@@ -148,7 +149,7 @@ class Batches:
         # A frame without neighbours costs a third of one with four.
         count = max(1, round(recipe.outputs * (2 if alone else 1) / len(centres) / area))
         take = lambda: torch.randint(pool.takes, (count,), generator=self.generator, device=self.shots.device)
-        some = lambda: pool.shots(self.indices(len(pool), count), take(), first, last, crop)
+        some = lambda: relit(pool.shots(self.indices(len(pool), count), take(), first, last, crop), recipe.relit, self.generator)
         shot = some()
         if r.random() < recipe.composed:
             shot = composed(shot, some(), self.generator)

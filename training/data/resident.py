@@ -20,6 +20,7 @@ STORED = {
     "normal": (torch.int8, 127.0),
     "depth": (torch.float16, 1.0),
 }
+PART = (torch.float16, 1.0)
 
 
 def packed(image: Tensor, kind: torch.dtype, scale: float) -> Tensor:
@@ -28,7 +29,12 @@ def packed(image: Tensor, kind: torch.dtype, scale: float) -> Tensor:
 
 
 def takes_of(shot: Shot) -> list[Take]:
-    return shot.takes or [Take(shot.spp, shot.colour, shot.albedo, shot.normal, shot.depth)]
+    return shot.takes or [Take(shot.spp, shot.colour, shot.albedo, shot.normal, shot.depth, shot.part)]
+
+
+def stored_of(shot: Shot) -> dict[str, tuple[torch.dtype, float]]:
+    """How a shot's passes are stored, with that of a part of its light where it has two."""
+    return STORED if shot.part is None else STORED | {"part": PART}
 
 
 @dataclass(frozen=True)
@@ -48,7 +54,7 @@ class Pool:
     """N shots of one form: with the same number of takes m and frames n, size, and frames that have references.
 
     passes: name → (N, m, n, C, H, W) in the type of its file; vector (N, n, 4, H, W); references (N, R, 3, H, W) of the frames
-    `referenced`; spp (N, m).
+    `referenced`, and reference_parts where there is a part of the light in the passes; spp (N, m).
     """
 
     referenced: tuple[int, ...]
@@ -57,6 +63,7 @@ class Pool:
     references: Tensor
     spp: Tensor
     seeds: list[int]
+    reference_parts: Tensor | None = None
 
     def __len__(self) -> int:
         return len(self.seeds)
@@ -76,17 +83,21 @@ class Pool:
     def to(self, device: torch.device) -> Pool:
         passes = {name: images.to(device) for name, images in self.passes.items()}
         vector, references, spp = (x.to(device) for x in (self.vector, self.references, self.spp))
-        return Pool(self.referenced, passes, vector, references, spp, self.seeds)
+        parts = None if self.reference_parts is None else self.reference_parts.to(device)
+        return Pool(self.referenced, passes, vector, references, spp, self.seeds, parts)
 
     def shots(self, index: Tensor, take: Tensor, first: int, last: int, crop: Crop | None = None) -> Shot:
         """Frames `first` to `last` of some shots, (B,) on the device, and of each a take, (B,), as one batch of shots in f32."""
         cut = crop.of if crop else lambda x: x
         read = lambda name: cut(self.passes[name][:, :, first : last + 1])[index, take].float()
         passes = {name: read(name) if scale == 1.0 else read(name) / scale for name, (_, scale) in STORED.items()}
+        if "part" in self.passes:
+            passes["part"] = read("part")
         inside = [(at, frame) for at, frame in enumerate(self.referenced) if first <= frame <= last]
-        references = {frame - first: cut(self.references[:, at])[index] for at, frame in inside}
+        of_frames = lambda images: {} if images is None else {frame - first: cut(images[:, at])[index] for at, frame in inside}
+        references, parts = of_frames(self.references), of_frames(self.reference_parts)
         vector = cut(self.vector[:, first : last + 1])[index]
-        return Shot(seed=-1, spp=self.spp[index, take], vector=vector, references=references, **passes)
+        return Shot(seed=-1, spp=self.spp[index, take], vector=vector, references=references, reference_parts=parts, **passes)
 
 
 @dataclass
@@ -121,7 +132,7 @@ class Resident:
     def join(self, single: Iterable[Pool]) -> None:
         found: dict[tuple[object, ...], list[Pool]] = {}
         for pool in single:
-            form = (pool.takes, pool.frames, *pool.size, *pool.referenced)
+            form = (pool.takes, pool.frames, *pool.size, *pool.referenced, *pool.passes)
             found.setdefault(form, []).append(pool)
         for form, alike in found.items():
             more = joined(alike).to(self.device)
@@ -131,15 +142,17 @@ class Resident:
 def pool_of(shot: Shot) -> Pool:
     """A shot as a pool of one, on the CPU."""
     takes, referenced = takes_of(shot), tuple(sorted(shot.references))
-    passes = {name: torch.stack([packed(getattr(t, name), *how) for t in takes])[None] for name, how in STORED.items()}
-    references = torch.stack([shot.references[k] for k in referenced])[None]
-    return Pool(referenced, passes, shot.vector[None], references, torch.tensor([[float(t.spp) for t in takes]]), [shot.seed])
+    passes = {name: torch.stack([packed(getattr(t, name), *how) for t in takes])[None] for name, how in stored_of(shot).items()}
+    of_frames = lambda images: torch.stack([images[k] for k in referenced])[None] if images else None
+    spp = torch.tensor([[float(t.spp) for t in takes]])
+    return Pool(referenced, passes, shot.vector[None], of_frames(shot.references), spp, [shot.seed], of_frames(shot.reference_parts))
 
 
 def joined(pools: Sequence[Pool]) -> Pool:
     """Pools of one form as one."""
     every = lambda read: torch.cat([read(pool) for pool in pools])
-    passes = {name: every(lambda pool, name=name: pool.passes[name]) for name in STORED}
+    passes = {name: every(lambda pool, name=name: pool.passes[name]) for name in pools[0].passes}
     seeds = [seed for pool in pools for seed in pool.seeds]
     vector, references, spp = every(lambda p: p.vector), every(lambda p: p.references), every(lambda p: p.spp)
-    return Pool(pools[0].referenced, passes, vector, references, spp, seeds)
+    parts = None if pools[0].reference_parts is None else every(lambda p: p.reference_parts)
+    return Pool(pools[0].referenced, passes, vector, references, spp, seeds, parts)

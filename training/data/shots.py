@@ -9,10 +9,11 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from training.shots.shot_file import load
+from training.shots.shot_file import Stored, load
 
 OFFSETS = (-1, 1, -2, 2)
 FARTHEST = 3
+PARTS = (0.02, 0.98)  # share of the light that a part must have
 
 
 @dataclass
@@ -24,6 +25,7 @@ class Take:
     albedo: Tensor
     normal: Tensor
     depth: Tensor
+    part: Tensor | None = None
 
 
 @dataclass
@@ -33,7 +35,8 @@ class Shot:
     colour, albedo, normal (n, 3, H, W), depth (n, 1, H, W), vector (n, 4, H, W); references: frame → (3, H, W), the middle one and
     in some shots the one before. takes: the same frames with other noise, of which the first is what colour, albedo, normal, depth and
     spp are; none in shots made by hand. halves: frame → (2, 3, H, W), two independent renders of which the reference is the mean, where
-    there are two. reference_albedos: frame → (3, H, W), of the references' samples.
+    there are two. reference_albedos: frame → (3, H, W), of the references' samples. part, reference_parts, part_halves: what a part of the
+    light gives of colour, references and halves, in shots rendered with two.
     """
 
     seed: int
@@ -48,6 +51,9 @@ class Shot:
     takes: list[Take] = field(default_factory=list)
     halves: dict[int, Tensor] = field(default_factory=dict)
     reference_albedos: dict[int, Tensor] = field(default_factory=dict)
+    part: Tensor | None = None
+    reference_parts: dict[int, Tensor] = field(default_factory=dict)
+    part_halves: dict[int, Tensor] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return self.depth.shape[-4]
@@ -67,15 +73,24 @@ class Shot:
     def of_take(self, number: int) -> Shot:
         """The shot with the frames of one of its takes, and that take alone."""
         t = self.takes[number]
-        return replace(self, spp=t.spp, colour=t.colour, albedo=t.albedo, normal=t.normal, depth=t.depth, takes=[t])
+        passes = {name: getattr(t, name) for name in ("spp", "colour", "albedo", "normal", "depth", "part")}
+        return replace(self, **passes, takes=[t])
+
+
+def in_parts(stored: Stored) -> bool:
+    """Whether a shot has two parts of light, each with some of it."""
+    return stored.part_halves is not None and PARTS[0] < stored.part_halves.mean() / stored.halves.mean() < PARTS[1]
 
 
 def read_shot(path: Path) -> Shot:
     """Reads a shot of any format (`training/shots/shot_file.py`)."""
     stored = load(path)
     tensor = lambda a: torch.from_numpy(a.copy())
-    takes = [Take(t.spp, tensor(t.color), tensor(t.albedo), tensor(t.normal), tensor(t.depth)[:, None]) for t in stored.takes]
+    parted = in_parts(stored)
+    part = lambda t: tensor(t.part) if parted else None
+    takes = [Take(t.spp, tensor(t.color), tensor(t.albedo), tensor(t.normal), tensor(t.depth)[:, None], part(t)) for t in stored.takes]
     middle = len(stored.vector) // 2
+    part_halves = {middle - k: tensor(halves) for k, halves in enumerate(stored.part_halves)} if parted else {}
     halves = {middle - k: tensor(parts) for k, parts in enumerate(stored.halves)}
     t = takes[0]
     return Shot(
@@ -91,6 +106,9 @@ def read_shot(path: Path) -> Shot:
         takes=takes,
         halves={frame: parts for frame, parts in halves.items() if len(parts) == 2},
         reference_albedos={middle - k: tensor(albedo) for k, albedo in enumerate(stored.ref_albedo)},
+        part=t.part,
+        reference_parts={frame: halves.mean(0) for frame, halves in part_halves.items()},
+        part_halves=part_halves,
     )
 
 

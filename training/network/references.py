@@ -25,6 +25,7 @@ from training.network.weights_file import Trained
 ENOUGH = 1024  # samples from which on a reference is better than what is made of it
 TIMES = 8  # as many samples as the noisy frames it must have, or what is made of it is hardly better than what is to be learnt
 UNSAID = 256  # samples of the references of files that do not say
+Images = dict[int, Tensor]  # of frames
 SIDE = 5  # of the squares that the noise is measured over, as the loss's `around`
 DARK = 0.06  # of a reference's mean, that relative errors are over at least
 UNKNOWN = 0.5  # share of the denoised one in references without halves
@@ -71,14 +72,22 @@ class ReferenceDenoiser:
             return shot
         if not is_worth_learning(shot):
             return None
-        frames = sorted(shot.references)
-        best = lambda frame: mixed(shot.references[frame], self.denoised(shot, frames, frame), shot.halves.get(frame))
-        return replace(shot, references={frame: best(frame) for frame in frames})
+        if not shot.reference_parts:
+            return replace(shot, references=self.best(shot, shot.references, shot.halves))
+        part = self.best(shot, shot.reference_parts, shot.part_halves)
+        without = lambda whole, part: {frame: image - part[frame] for frame, image in whole.items()}
+        rest = self.best(shot, without(shot.references, shot.reference_parts), without(shot.halves, shot.part_halves))
+        return replace(shot, references={frame: image + rest[frame] for frame, image in part.items()}, reference_parts=part)
+
+    def best(self, shot: Shot, references: Images, halves: Images) -> Images:
+        """All of a shot's references, or a part of their light."""
+        return {k: mixed(image, self.denoised(shot, references, k), halves.get(k)) for k, image in references.items()}
 
     @torch.no_grad()
-    def denoised(self, shot: Shot, frames: list[int], frame: int) -> Tensor:
-        """One reference, (3, H, W)."""
-        colour = torch.stack([shot.references[k] for k in frames])
+    def denoised(self, shot: Shot, references: Images, frame: int) -> Tensor:
+        """One of them, (3, H, W)."""
+        frames = sorted(references)
+        colour = torch.stack([references[k].clamp_min(0) for k in frames])
         albedo = torch.stack([shot.reference_albedos.get(k, shot.albedo[k]) for k in frames])
         passes = (colour, albedo, *(getattr(shot, name)[frames] for name in ("normal", "depth", "vector")))
         alone = Shot(shot.seed, torch.ones(1), *(images[None] for images in passes), {})

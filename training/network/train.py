@@ -93,6 +93,7 @@ def arguments() -> argparse.Namespace:
     p.add_argument("--paired", type=float, default=recipe.paired, help="share of the batches of two frames in a row")
     p.add_argument("--alone", type=float, default=recipe.alone, help="share of the batches without neighbours")
     p.add_argument("--composed", type=float, default=recipe.composed, help="share of the batches of shots in front of others")
+    p.add_argument("--relit", type=float, default=recipe.relit, help="share of the examples with light in two parts that is changed")
     p.add_argument("--crop", type=int, default=recipe.crop, help="side of the squares that larger shots are cut to; a multiple of 16")
     p.add_argument("--lambda-maps", type=float, default=recipe.lambda_maps, help="share of the examples whose λ varies inside the frame")
     p.add_argument("--temporal", type=float, default=shares.temporal, help="share of the temporal loss")
@@ -219,8 +220,8 @@ def main() -> None:
         raise SystemExit(f"no training shots in {', '.join(map(str, a.shots))}: NNNNNN.npz with seeds not divisible by 8")
     print(f"{len(run.shots)} shots, {len(run.held)} for validation, read in {clock.spent:.1f} s", flush=True)
     recipe = Recipe(
-        outputs=a.batch, crop=a.crop, alone=a.alone, paired=a.paired, composed=a.composed, lambda_maps=a.lambda_maps,
-        farther=0.0 if a.compile else Recipe.farther, epsilon=net.arch.albedo_epsilon,
+        outputs=a.batch, crop=a.crop, alone=a.alone, paired=a.paired, composed=a.composed, relit=a.relit,
+        lambda_maps=a.lambda_maps, farther=0.0 if a.compile else Recipe.farther, epsilon=net.arch.albedo_epsilon,
     )  # fmt: skip
     shares = Shares(temporal=a.temporal, fireflies=a.fireflies)
     train(run, Trainer(run, recipe, shares, a), a)

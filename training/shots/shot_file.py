@@ -85,11 +85,13 @@ def save(target: Path, takes: Sequence[Sequence[Passes]], references: Sequence[S
 
     takes: of each the frames' passes color, albedo, normal, depth and vector, (rows, columns, channels); all takes show the same
     frames, and the vectors of the first are kept. references: of the middle frame and the one before (or of the middle one alone) the
-    halves, which are independent renders, one or two; color and albedo count. meta has `seed` and `spp`, of each take.
+    halves, which are independent renders, one or two; color and albedo count. Where every frame has it, `part` is what a part of the
+    light gives of `color`. meta has `seed` and `spp`, of each take.
     """
     of = lambda name: first(np.stack([np.stack([frame[name] for frame in take]) for take in takes]))
     clean = lambda name: first(np.stack([np.stack([part[name] for part in halves]) for halves in references]))
     aside = target.with_suffix(".part.npz")
+    in_parts = {"part": planes(half(of("part"))), "part_halves": planes(half(clean("part")))} if "part" in takes[0][0] else {}
     np.savez_compressed(
         aside,
         color=planes(coarse_half(of("color"))),
@@ -99,6 +101,7 @@ def save(target: Path, takes: Sequence[Sequence[Passes]], references: Sequence[S
         vector=planes(steps(first(np.stack([frame["vector"] for frame in takes[0]])))),
         halves=planes(half(clean("color"))),
         ref_albedo=unit(clean("albedo").mean(1)),
+        **in_parts,
         meta=json.dumps({"format": FORMAT, **meta}),
     )
     aside.replace(target)
@@ -106,25 +109,27 @@ def save(target: Path, takes: Sequence[Sequence[Passes]], references: Sequence[S
 
 @dataclass
 class StoredTake:
-    """A noisy take: samples a pixel; color, albedo, normal (n, 3, rows, columns) and depth (n, rows, columns)."""
+    """A noisy take: samples a pixel; color, albedo, normal (n, 3, rows, columns) and depth (n, rows, columns); part as color, or None."""
 
     spp: int
     color: np.ndarray
     albedo: np.ndarray
     normal: np.ndarray
     depth: np.ndarray
+    part: np.ndarray | None = None
 
 
 @dataclass
 class Stored:
     """What a shot's file holds, floats of 32 bits: vector (n, 4, rows, columns); halves (references, 1 or 2, 3, rows, columns), of the
-    middle frame and the one before; ref_albedo (references or 1, 3, rows, columns)."""
+    middle frame and the one before; ref_albedo (references or 1, 3, rows, columns); part_halves as halves, or None."""
 
     takes: list[StoredTake]
     vector: np.ndarray
     halves: np.ndarray
     ref_albedo: np.ndarray
     meta: dict[str, Any]
+    part_halves: np.ndarray | None = None
 
 
 def load(path: Path) -> Stored:
@@ -142,5 +147,7 @@ def load(path: Path) -> Stored:
         color, depth = floats(whole(z["color"], np.float16)), floats(whole(z["depth"], np.float16))
         vector, halves = floats(whole(z["vector"], np.int16)) / VECTOR_STEPS, floats(whole(z["halves"], np.float16))
         ref_albedo = floats(z["ref_albedo"]) / 255
-    takes = [StoredTake(*parts) for parts in zip(meta["spp"], color, albedo, normal, depth, strict=True)]
-    return Stored(takes, vector, halves, ref_albedo, meta)
+        part, part_halves = (floats(whole(z[name], np.float16)) if name in z else None for name in ("part", "part_halves"))
+    parts = [None] * len(color) if part is None else part
+    takes = [StoredTake(*passes) for passes in zip(meta["spp"], color, albedo, normal, depth, parts, strict=True)]
+    return Stored(takes, vector, halves, ref_albedo, meta, part_halves)

@@ -82,6 +82,25 @@ def lamp(r: random.Random, scene: bpy.types.Scene, kind: str, size: float) -> bp
     return thing
 
 
+PART = "part"
+
+
+def split(r: random.Random, scene: bpy.types.Scene) -> bool:
+    """Puts a part of the lamps, and of them and the world, into a light group, that gets a pass of its own; whether there are two parts.
+
+    What emits light and is no lamp belongs to the other part.
+    """
+    sources: list[bpy.types.Object | bpy.types.World] = [thing for thing in scene.objects if thing.type == "LIGHT"]
+    if scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value > 0:
+        sources.append(scene.world)
+    if len(sources) < 2:
+        return False
+    scene.view_layers[0].lightgroups.add(name=PART)
+    for source in r.sample(sources, r.randint(1, len(sources) - 1)):
+        source.lightgroup = PART
+    return True
+
+
 def lamps(r: random.Random, scene: bpy.types.Scene, kind: str, size: float, background: float) -> list[bpy.types.Object]:
     """More of them where the world is dark."""
     count = r.choice([0, 1, 1, 2, 3]) if background > 0.3 else r.choice([1, 1, 2, 3, 4])

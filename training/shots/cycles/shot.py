@@ -15,6 +15,7 @@ import OpenEXR
 from training.shots.cycles import device, part, scenes
 from training.shots.cycles.assets import found
 from training.shots.cycles.features import VECTOR_LAYER
+from training.shots.cycles.lights import PART, split
 from training.shots.cycles.settings import Settings
 from training.shots.shot_file import Passes, dull, save
 
@@ -49,7 +50,9 @@ def read(path: Path) -> Passes:
     vectors = channels.pop(VECTOR_LAYER, {})
     (main,) = channels.values()
     main |= {name: pixels for name, pixels in vectors.items() if name.startswith("Vector.")}
-    return {name: np.stack([main[f"{layer}.{c}"] for c in parts], -1) for name, (layer, parts) in LAYERS.items()}
+    passes = {name: np.stack([main[f"{layer}.{c}"] for c in parts], -1) for name, (layer, parts) in LAYERS.items()}
+    of_part = [f"Combined_{PART}.{c}" for c in "RGB"]
+    return passes | ({"part": np.stack([main[name] for name in of_part], -1)} if of_part[0] in main else {})
 
 
 def render(scratch: Path, frame: int, sampling: Sampling, seed: int, vectors: bool = True) -> Passes:
@@ -97,6 +100,7 @@ def shot(seed: int, settings: Settings, scratch: Path) -> str:
     scene.render.resolution_x = scene.render.resolution_y = frame
     scene.render.resolution_percentage = 100
     part.choose(seed, scene, settings.size)
+    split(random.Random(f"{seed} light"), scene)
     if settings.threads:
         scene.render.threads_mode, scene.render.threads = "FIXED", settings.threads
     quality = settings.quality
