@@ -6,7 +6,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 EPSILON = 1e-2
-RELATIVE = 0.2
+RELATIVE = 0.1
 BLOCK = 4  # side of the squares that fireflies are looked for in
 
 
@@ -20,19 +20,9 @@ def smape(denoised: Tensor, reference: Tensor) -> Tensor:
     return (denoised - reference).abs() / (denoised.abs() + reference.abs() + EPSILON)
 
 
-def around(reference: Tensor) -> Tensor:
-    """The mean of 5×5 pixels, fewer at borders."""
-    return F.avg_pool2d(reference.abs(), 5, 1, 2, count_include_pad=False)
-
-
 def relative(denoised: Tensor, reference: Tensor) -> Tensor:
-    """Absolute error by pixel and channel, half of it over the reference and half over the reference around it.
-
-    Over the reference's own value alone, light that is lost where it is bright would cost less than light that is too much where it is
-    dark, and a network that is unsure would choose the dark; over what is around alone, light would leak into the dark.
-    """
-    error = (denoised - reference).abs()
-    return 0.5 * (error / (reference.abs() + 0.1) + error / (around(reference) + 0.1))
+    """Absolute error over the reference by pixel and channel."""
+    return (denoised - reference).abs() / (reference.abs() + 0.1)
 
 
 def rel_mse(denoised: Tensor, reference: Tensor) -> Tensor:
@@ -51,15 +41,12 @@ def asymmetric(denoised: Tensor, reference: Tensor, noisy: Tensor, lam: Tensor) 
 
 
 def fireflies(denoised: Tensor, reference: Tensor) -> Tensor:
-    """log1p of the mean squared relative error of each square of BLOCK² pixels, (B, 1, H/BLOCK, W/BLOCK): half of it over the reference's
-    square and half over that of the reference around it, as in `relative`.
+    """log1p of the mean relMSE of each square of BLOCK² pixels, (B, 1, H/BLOCK, W/BLOCK).
 
-    Small errors cost their square, large ones its logarithm: the gradient of a pixel that is far off falls as 1/error, and that of the
+    Small errors cost their relMSE, large ones its logarithm: the gradient of a pixel that is far off falls as 1/error, and that of the
     logit of the tap that put the firefly there, gradient times the tap's distance, stays bounded however bright it is.
     """
-    beside = (denoised - reference) ** 2 / (around(reference) ** 2 + 1e-2)
-    error = 0.5 * (rel_mse(denoised, reference) + beside)
-    return F.avg_pool2d(error.mean(1, keepdim=True), BLOCK).log1p()
+    return F.avg_pool2d(rel_mse(denoised, reference).mean(1, keepdim=True), BLOCK).log1p()
 
 
 def flicker(denoised: Tensor, reference: Tensor, before: Tensor, followed: Tensor) -> Tensor:

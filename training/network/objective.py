@@ -23,7 +23,7 @@ class Shares:
     half: float = 0.1  # SMAPE of the demodulated half level
     quarter: float = 0.05  # SMAPE of the demodulated quarter level
     blotches: float = 0.1  # SMAPE of the final image's means over squares, of each of SQUARES
-    fireflies: float = 1.5  # log1p of relMSE by squares
+    fireflies: float = 1.0  # log1p of relMSE by squares
     temporal: float = 0.75  # flicker of two frames in a row
 
 

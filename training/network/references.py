@@ -26,7 +26,7 @@ ENOUGH = 1024  # samples from which on a reference is better than what is made o
 TIMES = 8  # as many samples as the noisy frames it must have, or what is made of it is hardly better than what is to be learnt
 UNSAID = 256  # samples of the references of files that do not say
 Images = dict[int, Tensor]  # of frames
-SIDE = 5  # of the squares that the noise is measured over, as the loss's `around`
+SIDE = 5  # of the squares that the noise is measured over
 DARK = 0.06  # of a reference's mean, that relative errors are over at least
 UNKNOWN = 0.5  # share of the denoised one in references without halves
 
