@@ -12,7 +12,7 @@ import bpy
 from training.benchmark.scenes import fog, fur, garden, glass, interior, walker
 from training.benchmark.scenes.kit import FIRST, LAST
 from training.benchmark.settings import Settings
-from training.shots.cycles import device, part
+from training.shots.cycles import device, large_frames
 
 SCENES = {"interior": interior, "garden": garden, "glass": glass, "walker": walker, "fog": fog, "fur": fur}
 WIDTH, HEIGHT = 320, 180
@@ -73,7 +73,7 @@ def enlarge(scene: bpy.types.Scene, scale: int) -> None:
     render = scene.render
     render.resolution_x, render.resolution_y = WIDTH * scale, HEIGHT * scale
     if scale > 1:
-        part.border(render, (WIDTH * (scale - 1) // 2, HEIGHT * (scale - 1) // 2), (WIDTH, HEIGHT))
+        large_frames.border(render, (WIDTH * (scale - 1) // 2, HEIGHT * (scale - 1) // 2), (WIDTH, HEIGHT))
 
 
 def render(scene: bpy.types.Scene, frame: int, target: Path) -> float:

@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 import OpenEXR
 
-from training.shots.cycles import device, part, scenes
+from training.shots.cycles import device, large_frames, scenes
 from training.shots.cycles.assets import found
 from training.shots.cycles.features import VECTOR_LAYER
 from training.shots.cycles.lights import PART, split
@@ -92,14 +92,14 @@ def takes_of(r: random.Random, scratch: Path, wanted: list[Sampling]) -> list[li
 def shot(seed: int, settings: Settings, scratch: Path) -> str:
     """Builds, renders and saves one shot; a line about it."""
     began = time.perf_counter()
-    frame = part.frame_of(seed, settings.size, settings.largest)
+    frame = large_frames.frame_of(seed, settings.size, settings.largest)
     # A pixel of movement is more of them in a larger frame, though a thing is larger still.
     r, about = scenes.build(seed, found(settings.assets), round(math.sqrt(settings.size * frame)))
     scene = bpy.context.scene
     device.choose(scene, settings.device)
     scene.render.resolution_x = scene.render.resolution_y = frame
     scene.render.resolution_percentage = 100
-    part.choose(seed, scene, settings.size)
+    large_frames.choose(seed, scene, settings.size)
     split(random.Random(f"{seed} light"), scene)
     if settings.threads:
         scene.render.threads_mode, scene.render.threads = "FIXED", settings.threads
