@@ -13,14 +13,14 @@ from torch import Tensor
 
 from training.data.shots import Shot, Take, read_shot
 
-# How a file holds the passes of a take: the type, and the scale that they are stored at.
+# How a file holds the passes of a take: the type, and the scale that they are stored at. A part of the light is not in every shot.
 STORED = {
     "colour": (torch.float16, 1.0),
     "albedo": (torch.uint8, 255.0),
     "normal": (torch.int8, 127.0),
     "depth": (torch.float16, 1.0),
+    "part": (torch.float16, 1.0),
 }
-PART = (torch.float16, 1.0)
 
 
 def packed(image: Tensor, kind: torch.dtype, scale: float) -> Tensor:
@@ -30,11 +30,6 @@ def packed(image: Tensor, kind: torch.dtype, scale: float) -> Tensor:
 
 def takes_of(shot: Shot) -> list[Take]:
     return shot.takes or [Take(shot.spp, shot.colour, shot.albedo, shot.normal, shot.depth, shot.part)]
-
-
-def stored_of(shot: Shot) -> dict[str, tuple[torch.dtype, float]]:
-    """How a shot's passes are stored, with that of a part of its light where it has two."""
-    return STORED if shot.part is None else STORED | {"part": PART}
 
 
 @dataclass(frozen=True)
@@ -90,9 +85,7 @@ class Pool:
         """Frames `first` to `last` of some shots, (B,) on the device, and of each a take, (B,), as one batch of shots in f32."""
         cut = crop.of if crop else lambda x: x
         read = lambda name: cut(self.passes[name][:, :, first : last + 1])[index, take].float()
-        passes = {name: read(name) if scale == 1.0 else read(name) / scale for name, (_, scale) in STORED.items()}
-        if "part" in self.passes:
-            passes["part"] = read("part")
+        passes = {name: read(name) if STORED[name][1] == 1.0 else read(name) / STORED[name][1] for name in self.passes}
         inside = [(at, frame) for at, frame in enumerate(self.referenced) if first <= frame <= last]
         of_frames = lambda images: {} if images is None else {frame - first: cut(images[:, at])[index] for at, frame in inside}
         references, parts = of_frames(self.references), of_frames(self.reference_parts)
@@ -142,7 +135,8 @@ class Resident:
 def pool_of(shot: Shot) -> Pool:
     """A shot as a pool of one, on the CPU."""
     takes, referenced = takes_of(shot), tuple(sorted(shot.references))
-    passes = {name: torch.stack([packed(getattr(t, name), *how) for t in takes])[None] for name, how in stored_of(shot).items()}
+    there = {name: how for name, how in STORED.items() if getattr(shot, name) is not None}
+    passes = {name: torch.stack([packed(getattr(t, name), *how) for t in takes])[None] for name, how in there.items()}
     of_frames = lambda images: torch.stack([images[k] for k in referenced])[None] if images else None
     spp = torch.tensor([[float(t.spp) for t in takes]])
     return Pool(referenced, passes, shot.vector[None], of_frames(shot.references), spp, [shot.seed], of_frames(shot.reference_parts))

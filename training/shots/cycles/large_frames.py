@@ -15,14 +15,8 @@ AIMED = 0.75  # share of the others whose middle is near that of a thing
 SPREAD = 0.3  # deviation from there, in sides of the square
 
 
-def drawn(seed: int, what: str) -> random.Random:
-    """Of its own, as further draws from a shot's generator would change the shots there are."""
-    return random.Random(f"{seed} {what}")
-
-
-def frame_of(seed: int, size: int, largest: float) -> int:
-    """The side in pixels of the frame that a seed's shot of `size` is a part of: up to `largest` times that, evenly by the logarithm."""
-    r = drawn(seed, "frame")
+def frame_of(r: random.Random, size: int, largest: float) -> int:
+    """The side in pixels of the frame that a shot of `size` is a part of: up to `largest` times that, evenly by the logarithm."""
     return size if largest <= 1 or r.random() < WHOLE else round(size * math.exp(r.uniform(0, math.log(largest))))
 
 
@@ -47,9 +41,9 @@ def border(render: bpy.types.RenderSettings, start: Sequence[int], size: Sequenc
     render.border_min_y, render.border_max_y = ((at + 0.1) / render.resolution_y for at in (low, low + height))
 
 
-def choose(seed: int, scene: bpy.types.Scene, size: int) -> None:
-    """Renders only a square of `size` pixels of the scene's frame, by the seed."""
-    render, r = scene.render, drawn(seed, "part")
+def choose(r: random.Random, scene: bpy.types.Scene, size: int) -> None:
+    """Renders only a square of `size` pixels of the scene's frame."""
+    render = scene.render
     side = render.resolution_x
     if side <= size:
         return

@@ -11,6 +11,8 @@ from mathutils import Vector
 from training.shots.cycles.assets import Assets
 from training.shots.cycles.materials import colour
 
+PART = "part"  # the light group
+
 
 def environment(r: random.Random, scene: bpy.types.Scene, kind: str, assets: Assets) -> tuple[float, float]:
     """The world: dark, plain or an HDRI. Returns the scene's size in units and the strength of its background."""
@@ -82,11 +84,8 @@ def lamp(r: random.Random, scene: bpy.types.Scene, kind: str, size: float) -> bp
     return thing
 
 
-PART = "part"
-
-
-def split(r: random.Random, scene: bpy.types.Scene) -> bool:
-    """Puts a part of the lamps, and of them and the world, into a light group, that gets a pass of its own; whether there are two parts.
+def split(r: random.Random, scene: bpy.types.Scene) -> None:
+    """Puts some of the lamps and the world, where there are two of them at least, into a light group, that gets a pass of its own.
 
     What emits light and is no lamp belongs to the other part.
     """
@@ -94,11 +93,10 @@ def split(r: random.Random, scene: bpy.types.Scene) -> bool:
     if scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value > 0:
         sources.append(scene.world)
     if len(sources) < 2:
-        return False
+        return
     scene.view_layers[0].lightgroups.add(name=PART)
     for source in r.sample(sources, r.randint(1, len(sources) - 1)):
         source.lightgroup = PART
-    return True
 
 
 def lamps(r: random.Random, scene: bpy.types.Scene, kind: str, size: float, background: float) -> list[bpy.types.Object]:

@@ -89,18 +89,23 @@ def takes_of(r: random.Random, scratch: Path, wanted: list[Sampling]) -> list[li
     return [list(take) for take in zip(*rows, strict=True)]
 
 
+def of_seed(seed: int, what: str) -> random.Random:
+    """A generator for one thing, as further draws from a shot's own would change the shots there are."""
+    return random.Random(f"{seed} {what}")
+
+
 def shot(seed: int, settings: Settings, scratch: Path) -> str:
     """Builds, renders and saves one shot; a line about it."""
     began = time.perf_counter()
-    frame = large_frames.frame_of(seed, settings.size, settings.largest)
+    frame = large_frames.frame_of(of_seed(seed, "frame"), settings.size, settings.largest)
     # A pixel of movement is more of them in a larger frame, though a thing is larger still.
     r, about = scenes.build(seed, found(settings.assets), round(math.sqrt(settings.size * frame)))
     scene = bpy.context.scene
     device.choose(scene, settings.device)
     scene.render.resolution_x = scene.render.resolution_y = frame
     scene.render.resolution_percentage = 100
-    large_frames.choose(seed, scene, settings.size)
-    split(random.Random(f"{seed} light"), scene)
+    large_frames.choose(of_seed(seed, "part"), scene, settings.size)
+    split(of_seed(seed, "light"), scene)
     if settings.threads:
         scene.render.threads_mode, scene.render.threads = "FIXED", settings.threads
     quality = settings.quality
