@@ -194,7 +194,7 @@ def test_other_light_is_the_same_for_noise_and_reference() -> None:
 def test_shots_with_light_in_one_part_stay_and_have_a_pool_of_their_own() -> None:
     pools = resident(moving_shot(seed=1), moving_shot(seed=2, parted=True)).pools.values()
     assert [len(pool) for pool in pools] == [1, 1]
-    (plain,) = (pool for pool in pools if pool.reference_parts is None)
+    (plain,) = (pool for pool in pools if "reference_parts" not in pool.references)
     shot = plain.shots(chosen([0]), chosen([0]), 0, 6)
     assert relit(shot, 1.0, torch.Generator()) is shot
 

@@ -22,6 +22,8 @@ STORED = {
     "part": (torch.float16, 1.0),
 }
 
+TARGETS = ("references", "reference_parts")  # what there is of a shot to learn
+
 
 def packed(image: Tensor, kind: torch.dtype, scale: float) -> Tensor:
     """A pass in the type that its file has: what a file gave loses nothing."""
@@ -48,17 +50,16 @@ class Crop:
 class Pool:
     """N shots of one form: with the same number of takes m and frames n, size, and frames that have references.
 
-    passes: name → (N, m, n, C, H, W) in the type of its file; vector (N, n, 4, H, W); references (N, R, 3, H, W) of the frames
-    `referenced`, and reference_parts where there is a part of the light in the passes; spp (N, m).
+    passes: name → (N, m, n, C, H, W) in the type of its file; vector (N, n, 4, H, W); references: those of TARGETS that there are, of the
+    frames `referenced`, (N, R, 3, H, W); spp (N, m).
     """
 
     referenced: tuple[int, ...]
     passes: dict[str, Tensor]
     vector: Tensor
-    references: Tensor
+    references: dict[str, Tensor]
     spp: Tensor
     seeds: list[int]
-    reference_parts: Tensor | None = None
 
     def __len__(self) -> int:
         return len(self.seeds)
@@ -76,10 +77,8 @@ class Pool:
         return tuple(self.vector.shape[-2:])
 
     def to(self, device: torch.device) -> Pool:
-        passes = {name: images.to(device) for name, images in self.passes.items()}
-        vector, references, spp = (x.to(device) for x in (self.vector, self.references, self.spp))
-        parts = None if self.reference_parts is None else self.reference_parts.to(device)
-        return Pool(self.referenced, passes, vector, references, spp, self.seeds, parts)
+        passes, references = ({k: images.to(device) for k, images in of.items()} for of in (self.passes, self.references))
+        return Pool(self.referenced, passes, self.vector.to(device), references, self.spp.to(device), self.seeds)
 
     def shots(self, index: Tensor, take: Tensor, first: int, last: int, crop: Crop | None = None) -> Shot:
         """Frames `first` to `last` of some shots, (B,) on the device, and of each a take, (B,), as one batch of shots in f32."""
@@ -87,10 +86,10 @@ class Pool:
         read = lambda name: cut(self.passes[name][:, :, first : last + 1])[index, take].float()
         passes = {name: read(name) if STORED[name][1] == 1.0 else read(name) / STORED[name][1] for name in self.passes}
         inside = [(at, frame) for at, frame in enumerate(self.referenced) if first <= frame <= last]
-        of_frames = lambda images: {} if images is None else {frame - first: cut(images[:, at])[index] for at, frame in inside}
-        references, parts = of_frames(self.references), of_frames(self.reference_parts)
+        of_frames = lambda images: {frame - first: cut(images[:, at])[index] for at, frame in inside}
+        targets = {name: of_frames(images) for name, images in self.references.items()}
         vector = cut(self.vector[:, first : last + 1])[index]
-        return Shot(seed=-1, spp=self.spp[index, take], vector=vector, references=references, reference_parts=parts, **passes)
+        return Shot(seed=-1, spp=self.spp[index, take], vector=vector, **passes, **targets)
 
 
 @dataclass
@@ -137,16 +136,16 @@ def pool_of(shot: Shot) -> Pool:
     takes, referenced = takes_of(shot), tuple(sorted(shot.references))
     there = {name: how for name, how in STORED.items() if getattr(shot, name) is not None}
     passes = {name: torch.stack([packed(getattr(t, name), *how) for t in takes])[None] for name, how in there.items()}
-    of_frames = lambda images: torch.stack([images[k] for k in referenced])[None] if images else None
+    of_frames = lambda images: torch.stack([images[k] for k in referenced])[None]
+    references = {name: of_frames(images) for name in TARGETS if (images := getattr(shot, name))}
     spp = torch.tensor([[float(t.spp) for t in takes]])
-    return Pool(referenced, passes, shot.vector[None], of_frames(shot.references), spp, [shot.seed], of_frames(shot.reference_parts))
+    return Pool(referenced, passes, shot.vector[None], references, spp, [shot.seed])
 
 
 def joined(pools: Sequence[Pool]) -> Pool:
     """Pools of one form as one."""
     every = lambda read: torch.cat([read(pool) for pool in pools])
     passes = {name: every(lambda pool, name=name: pool.passes[name]) for name in pools[0].passes}
+    references = {name: every(lambda pool, name=name: pool.references[name]) for name in pools[0].references}
     seeds = [seed for pool in pools for seed in pool.seeds]
-    vector, references, spp = every(lambda p: p.vector), every(lambda p: p.references), every(lambda p: p.spp)
-    parts = None if pools[0].reference_parts is None else every(lambda p: p.reference_parts)
-    return Pool(pools[0].referenced, passes, vector, references, spp, seeds, parts)
+    return Pool(pools[0].referenced, passes, every(lambda p: p.vector), references, every(lambda p: p.spp), seeds)
