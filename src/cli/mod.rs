@@ -26,7 +26,9 @@ use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
 use crate::error::{Error, Result};
+use crate::settings::READ_STAGE;
 use crate::simd::Isa;
+use read_stage::ReadStageArgs;
 
 const EXIT_CODES: &str = "Exit codes:
   0    every frame asked for is there, written now or before
@@ -51,8 +53,9 @@ enum Command {
     Inspect(inspect::InspectArgs),
     Eval(eval::EvalArgs),
     Shot(shot::ShotSubcommands),
-    #[command(name = read_stage::NAME, hide = true)]
-    ReadStage(read_stage::ReadStageArgs),
+    /// Parsed apart from the others, for none of which clap is to suggest it.
+    #[command(skip)]
+    ReadStage(ReadStageArgs),
     Survey(Box<survey::SurveyArgs>),
     Preview(Box<preview::PreviewArgs>),
     Report(Box<report::ReportArgs>),
@@ -89,9 +92,16 @@ pub fn run(args: impl IntoIterator<Item = OsString>, catch_signals: CatchSignals
     exit
 }
 
+fn parse(args: &[OsString]) -> clap::error::Result<Command> {
+    match args {
+        [_, name, ..] if name == READ_STAGE => ReadStageArgs::try_parse_from(&args[1..]).map(Command::ReadStage),
+        _ => Cli::try_parse_from(args).map(|cli| cli.command),
+    }
+}
+
 fn parse_and_run(args: &[OsString], catch_signals: CatchSignals) -> u8 {
-    let cli = match Cli::try_parse_from(args) {
-        Ok(cli) => cli,
+    let command = match parse(args) {
+        Ok(command) => command,
         Err(error) => {
             let _ = error.print();
             let asked = matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion);
@@ -103,7 +113,7 @@ fn parse_and_run(args: &[OsString], catch_signals: CatchSignals) -> u8 {
         say_error(&error);
         return Exit::Nothing as u8;
     }
-    let exit = match cli.command {
+    let exit = match command {
         Command::Denoise(args) => denoise::denoise(&args, catch_signals),
         Command::Check(args) => check::check(&args),
         Command::Watch(args) => watch::watch_folder(&args, catch_signals),
@@ -190,5 +200,12 @@ mod tests {
         Cli::command().debug_assert();
         let help = Cli::command().render_long_help().to_string();
         assert!(help.contains("130") && help.contains("Exit codes"));
+    }
+
+    #[test]
+    fn what_is_not_for_users_is_never_suggested() {
+        let wrong = |name: &str| parse(&["hush".into(), name.into()]).err().expect("no such subcommand").to_string();
+        assert!(wrong("read-stag").contains("unrecognized subcommand") && !wrong("read-stag").contains("'read-stage'"));
+        assert!(wrong("denoize").contains("'denoise'"));
     }
 }

@@ -1,16 +1,13 @@
 //! `hush read-stage`: reads a stage for the process that started this one.
 
-use clap::Args;
+use clap::Parser;
 
 use super::{Exit, print_json};
 use crate::error::Result;
-use crate::settings::{READ_STAGE, StageRef, stage_answer};
-
-/// The subcommand's name; it is not for users.
-pub(super) const NAME: &str = READ_STAGE;
+use crate::settings::{StageRef, stage_answer};
 
 /// Prints a stage's settings as JSON, for the process that started this one.
-#[derive(Args)]
+#[derive(Parser)]
 pub(super) struct ReadStageArgs {
     stage: StageRef,
 }
