@@ -125,7 +125,7 @@ def _ask(scene: bpy.types.Scene, sequences: list[dict[str, Any]], numbers: Itera
     except ImportError as error:
         raise Refusal(messages.text("library", reason=messages.of_error(error))) from None
     _check = _check or hush.SequenceCheck()
-    size = shot.render_size(scene)
+    size, how = shot.render_size(scene), _how_to_render(scene)
     found: dict[int, list[Frame]] = {number: [] for number in numbers}
     for arguments in sequences:
         try:
@@ -133,11 +133,16 @@ def _ask(scene: bpy.types.Scene, sequences: list[dict[str, Any]], numbers: Itera
         except (OSError, ValueError, TypeError, hush.HushError) as error:
             raise Refusal(messages.of_error(error)) from None
         for entry in checked["frames"]:
-            found[entry["frame"]].append(_frame(entry, size))
+            found[entry["frame"]].append(_frame(entry, size, how))
     return {number: min(parts, key=lambda part: _ORDER.index(part.state)) for number, parts in found.items()}
 
 
-def _frame(entry: dict[str, Any], size: tuple[int, int] | None) -> Frame:
+def _how_to_render(scene: bpy.types.Scene) -> str:
+    """What to press for frames that are not rendered, files of which can be denoised."""
+    return messages.text("how_render" if scene.hush.input_folder or shot.writes_layers(scene) else "how_prepare")
+
+
+def _frame(entry: dict[str, Any], size: tuple[int, int] | None, how: str) -> Frame:
     state, kind, reason = entry["state"], entry["kind"], ""
     there = entry["columns"], entry["rows"]
     if state == "current" and size and None not in there and there != size:
@@ -152,7 +157,7 @@ def _frame(entry: dict[str, Any], size: tuple[int, int] | None) -> Frame:
         "current": "",
         "stale": messages.text("node_stale", reason=reason),
         "missing": messages.text("node_failed", reason=reason) if kind else messages.text("node_missing"),
-        "unrendered": messages.text("node_unrendered"),
+        "unrendered": messages.text("node_unrendered", how=how),
     }[state]
     files = (Path(entry[name]) if entry[name] else None for name in ("source", "output"))
     return Frame(state, kind, reason, why, *files)
@@ -175,7 +180,7 @@ def _text(scene: bpy.types.Scene, states: Counter[str], stale: Counter[str], fai
         if failed:
             return messages.text("status_failed", reason=failed.most_common(1)[0][0])
         if not states["missing"]:
-            return messages.text("status_unrendered", folder=shot.frame_pattern(scene).parent)
+            return messages.text("status_unrendered", folder=shot.frame_pattern(scene).parent, how=_how_to_render(scene))
         return messages.text("status_none")
     parts = [messages.text("status_done", done=states["current"], total=states.total())]
     if stale:

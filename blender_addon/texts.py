@@ -199,9 +199,11 @@ TEXTS = {
     "set_vector_pass": "View layer {layer}: rendered, Vector on, motion blur off",
     "set_frame_step": "Frame Step: 1",
     # How far a shot is
+    "how_render": "press Render Animation",
+    "how_prepare": "press Prepare Shot, then Render Animation",
     "status_range_empty": "the scene's frame range is empty: set its Frame Start and End",
     "status_failed": "denoising failed: {reason}",
-    "status_unrendered": "no rendered frames in {folder}: press Render Animation",
+    "status_unrendered": "no rendered frames in {folder}: {how}",
     "status_none": "not denoised yet: press Denoise Shot",
     "status_done": "{done} of {total:frame} denoised",
     "status_stale": "{count:is} out of date: {reasons}",
@@ -237,7 +239,7 @@ TEXTS = {
     "node_stale": "this frame is out of date: {reason}; press Denoise Shot",
     "node_missing": "this frame is not denoised yet; press Denoise Shot",
     "node_failed": "this frame could not be denoised: {reason}",
-    "node_unrendered": "this frame is not rendered; press Render Animation",
+    "node_unrendered": "this frame is not rendered; {how}",
     "node_layer": "the denoised frame has no view layer {layer}; choose another as the node's View Layer",
     "node_unknown": "its files have not been looked at yet",
     # Denoise Shot

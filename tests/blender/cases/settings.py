@@ -42,6 +42,15 @@ def test_files_are_exr_after_the_output_was_changed_to_png() -> None:
     assert shot.frame_pattern(scene) == Path("/tmp/shot/frame_####.exr")
 
 
+def test_what_to_press_leads_to_frames_that_can_be_denoised() -> None:
+    scene = kit.build_scene(render_to=kit.folder("png"))
+    kit.module("compat").use_image_format(scene.render.image_settings, "PNG")
+    assert told(scene).endswith(": press Prepare Shot, then Render Animation")
+    assert kit.module("status").frame(scene, 1).why == "this frame is not rendered; press Prepare Shot, then Render Animation"
+    scene.hush.input_folder = str(kit.folder("from_elsewhere"))
+    assert told(scene).endswith(": press Render Animation")
+
+
 def test_a_folder_of_frames_may_be_named() -> None:
     shot, scene, folder = kit.module("shot"), kit.build_scene(), kit.folder("named")
     for frame in range(1, 4):
