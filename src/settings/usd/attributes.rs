@@ -3,12 +3,12 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
-use openusd::sdf::{self, FieldKey, Value, expr};
+use openusd::sdf::{Value, expr};
 use openusd::usd::{Attribute, Prim, Stage};
 use serde_json::json;
 
 use super::gaps;
-use super::plain_path::plain;
+use super::opinions::{Opinion, complaint, opinion, place};
 use super::prims::words;
 use super::values::{as_json, as_meant, number, text};
 use crate::settings::layered::{Layered, Origin};
@@ -20,8 +20,13 @@ const OURS: &str = "hush:";
 /// The settings of a prim. Attributes in the `hush:` namespace that no setting has become notes.
 pub(super) fn read(stage: &Stage, prim: &Prim) -> Result<Layered, String> {
     let mut all = Layered::default();
-    for name in prim.property_names().map_err(words)? {
-        let setting = SETTINGS.iter().find(|s| s.usd == &*name);
+    let names = prim.property_names().map_err(words)?;
+    let setting_of = |name: &str| SETTINGS.iter().find(|s| s.usd == name);
+    if names.iter().any(|name| setting_of(name).is_some()) {
+        gaps::no_clips(prim)?;
+    }
+    for name in names {
+        let setting = setting_of(&name);
         if setting.is_none() && !name.starts_with(OURS) {
             continue;
         }
@@ -32,7 +37,6 @@ pub(super) fn read(stage: &Stage, prim: &Prim) -> Result<Layered, String> {
             all.notes.push(format!("{}: <{where_}> is no setting of Hush{}", file.display(), hint(&name, valid)));
             continue;
         };
-        gaps::no_clips(prim)?;
         let mut one = Layered::default();
         if set(stage, &attribute, setting, &mut one.values)? {
             let (file, _) = place(&attribute)?;
@@ -41,39 +45,6 @@ pub(super) fn read(stage: &Stage, prim: &Prim) -> Result<Layered, String> {
         }
     }
     Ok(all)
-}
-
-/// The strongest opinion on an attribute.
-struct Opinion {
-    layer: PathBuf,
-    /// Where it stands in that layer.
-    path: sdf::Path,
-    /// It has time samples; they count more than a default in the same layer.
-    samples: bool,
-    /// It has a curve, which counts less than samples and more than a default.
-    spline: bool,
-}
-
-/// The first layer that says a value. openusd prefers the time samples of any layer, USD those of the strongest layer only.
-fn opinion(attribute: &Attribute) -> Result<Option<Opinion>, String> {
-    let stage = attribute.stage();
-    for (name, path) in attribute.property_stack().map_err(words)? {
-        let Some(layer) = stage.layer(&name) else { continue };
-        let Some(spec) = layer.attribute(path.clone()) else { continue };
-        let samples = spec.has_field(FieldKey::TimeSamples.as_str());
-        let spline = spec.has_field("spline");
-        if samples || spline || spec.has_field(FieldKey::Default.as_str()) {
-            return Ok(Some(Opinion { layer: name.into(), path, samples, spline }));
-        }
-    }
-    Ok(None)
-}
-
-/// The layer that holds an attribute's strongest opinion, and the attribute's path.
-pub(super) fn place(attribute: &Attribute) -> Result<(PathBuf, String), String> {
-    let first = || Ok::<_, String>(attribute.property_stack().map_err(words)?.into_iter().next().map(|(layer, _)| layer.into()));
-    let layer = opinion(attribute)?.map(|o| o.layer).map_or_else(first, |layer| Ok(Some(layer)))?;
-    Ok((plain(layer.unwrap_or_default()), attribute.path().to_string()))
 }
 
 /// The time samples of an attribute, none where a stronger layer has a constant value.
@@ -163,14 +134,6 @@ fn anchored(attribute: &Attribute, path: &str) -> Result<PathBuf, String> {
         return Err(complaint(attribute, "is a relative path in a usdz package, where no frames can be: make it absolute"));
     }
     Ok(file.parent().unwrap_or(Path::new("")).join(path))
-}
-
-/// `FILE: </Prim.attribute> …`, without the file where it is the stage's own, which the error names anyway.
-pub(super) fn complaint(attribute: &Attribute, what: &str) -> String {
-    let root = plain(attribute.stage().root_layer().identifier());
-    let file = place(attribute).map(|(file, _)| file).unwrap_or_default();
-    let inside = if file.as_os_str().is_empty() || file == root { String::new() } else { format!(" (in {})", file.display()) };
-    format!("<{}> {what}{inside}", attribute.path())
 }
 
 /// A value and its type, for messages.

@@ -4,8 +4,8 @@ use openusd::pcp::NodeFlags;
 use openusd::sdf::Path;
 use openusd::usd::{Attribute, Prim, Stage};
 
-use super::attributes::complaint;
 use super::open;
+use super::opinions::complaint;
 use super::prims::{Chain, targets, words};
 
 /// What the settings' prims refer to is there.

@@ -4,6 +4,7 @@
 mod attributes;
 mod gaps;
 mod open;
+mod opinions;
 mod plain_path;
 mod prims;
 mod products;

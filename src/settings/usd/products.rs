@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use openusd::usd::{Prim, Stage};
 
-use super::attributes::{place, samples, value};
+use super::attributes::{samples, value};
+use super::opinions::place;
 use super::plain_path::plain;
 use super::prims::{Chain, targets, type_of};
 use super::values::text;
