@@ -143,11 +143,19 @@ def label(owner: Any, name: str) -> str:  # noqa: ANN401 (whatever has propertie
     return re.sub(r" \(\.\w+\)$", "", bpy.types.UILayout.enum_item_name(owner, name, value)) or value
 
 
+_MULTILAYER = "OPEN_EXR_MULTILAYER"
+
+
+def is_multilayer(settings: bpy.types.ImageFormatSettings) -> bool:
+    """Whether an image format is multilayer OpenEXR, which holds all view layers and passes."""
+    return settings.file_format == _MULTILAYER
+
+
 def use_multilayer(settings: bpy.types.ImageFormatSettings) -> None:
     """Sets an image format to multilayer OpenEXR."""
     if hasattr(settings, "media_type"):
         settings.media_type = "MULTI_LAYER_IMAGE"
-    settings.file_format = "OPEN_EXR_MULTILAYER"
+    settings.file_format = _MULTILAYER
 
 
 def use_image_format(settings: bpy.types.ImageFormatSettings, file_format: str) -> None:
@@ -211,7 +219,7 @@ def written_by(node: bpy.types.Node) -> list[str]:
     """Where a File Output node writes OpenEXR files: absolute paths up to the frame number."""
     if not node.format.file_format.startswith("OPEN_EXR"):
         return []
-    multilayer = node.format.file_format == "OPEN_EXR_MULTILAYER"
+    multilayer = is_multilayer(node.format)
     if BLENDER_5:
         names = [node.file_name] if multilayer else [node.file_name, *(node.file_name + item.name for item in node.file_output_items)]
         paths = [os.path.join(node.directory, name) for name in names]

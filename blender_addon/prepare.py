@@ -123,7 +123,7 @@ def _format(scene: bpy.types.Scene, record: Record) -> list[str]:
     changes = []
     with record.watching(("render", "image_settings"), _IMAGE_SETTINGS) as settings:
         depth = settings.color_depth
-        if settings.file_format != "OPEN_EXR_MULTILAYER":
+        if not compat.is_multilayer(settings):
             compat.use_multilayer(settings)
             settings.exr_codec = "ZIP"
             changes.append(messages.text("set_format"))

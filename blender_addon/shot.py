@@ -108,11 +108,6 @@ def frame_range(scene: bpy.types.Scene) -> range:
     return range(scene.frame_start, scene.frame_end + 1, max(1, scene.frame_step))
 
 
-def writes_layers(scene: bpy.types.Scene) -> bool:
-    """Whether the scene's frames are files with all view layers and passes."""
-    return scene.render.image_settings.file_format == "OPEN_EXR_MULTILAYER"
-
-
 def has_camera(scene: bpy.types.Scene) -> bool:
     """Whether a scene can be rendered: it has an active camera, or a marker gives it one."""
     return scene.camera is not None or any(marker.camera for marker in scene.timeline_markers)

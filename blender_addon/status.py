@@ -11,7 +11,7 @@ from typing import Any
 
 import bpy
 
-from . import messages, shot
+from . import compat, messages, shot
 from .messages import Refusal
 
 # A look at the disk is worth this many times what it took, so that a slow network drive is not asked all the time.
@@ -139,7 +139,8 @@ def _ask(scene: bpy.types.Scene, sequences: list[dict[str, Any]], numbers: Itera
 
 def _how_to_render(scene: bpy.types.Scene) -> str:
     """What to press for frames that are not rendered, files of which can be denoised."""
-    return messages.text("how_render" if scene.hush.input_folder or shot.writes_layers(scene) else "how_prepare")
+    denoisable = scene.hush.input_folder or compat.is_multilayer(scene.render.image_settings)
+    return messages.text("how_render" if denoisable else "how_prepare")
 
 
 def _frame(entry: dict[str, Any], size: tuple[int, int] | None, how: str) -> Frame:

@@ -78,7 +78,7 @@ def _output_problems(scene: bpy.types.Scene) -> Iterator[Problem]:
     name, render, settings = scene.name, scene.render, scene.render.image_settings
     # Frames in a folder of their own come from elsewhere, such as a File Output node.
     if not scene.hush.input_folder:
-        if not shot.writes_layers(scene):
+        if not compat.is_multilayer(settings):
             yield problem("format", "format", ERROR, fix_in=name, format=compat.label(settings, "file_format"))
         elif settings.exr_codec not in prepare.LOSSLESS:
             yield problem("format", "lossy_codec", fix_in=name, codec=settings.exr_codec)
@@ -154,7 +154,7 @@ def _problems_with_others(scene: bpy.types.Scene) -> Iterator[Problem]:
 
 def _rendered_files(scene: bpy.types.Scene) -> set[str]:
     """The patterns that a scene's frames are rendered to; none where it renders nothing itself."""
-    if scene.hush.input_folder or not shot.has_camera(scene) or not shot.writes_layers(scene):
+    if scene.hush.input_folder or not shot.has_camera(scene) or not compat.is_multilayer(scene.render.image_settings):
         return set()
     try:
         return {str(pattern) for pattern in shot.frame_patterns(scene)}
