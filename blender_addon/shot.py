@@ -108,6 +108,13 @@ def frame_range(scene: bpy.types.Scene) -> range:
     return range(scene.frame_start, scene.frame_end + 1, max(1, scene.frame_step))
 
 
+def how_to_render(scene: bpy.types.Scene) -> str:
+    """What to do about frames that are not rendered, so that there are files of them that can be denoised."""
+    if scene.hush.input_folder.strip():
+        return messages.text("how_elsewhere")
+    return messages.text("how_render" if compat.is_multilayer(scene.render.image_settings) else "how_prepare")
+
+
 def has_camera(scene: bpy.types.Scene) -> bool:
     """Whether a scene can be rendered: it has an active camera, or a marker gives it one."""
     return scene.camera is not None or any(marker.camera for marker in scene.timeline_markers)

@@ -11,7 +11,7 @@ from typing import Any
 
 import bpy
 
-from . import compat, messages, shot
+from . import messages, shot
 from .messages import Refusal
 
 # A look at the disk is worth this many times what it took, so that a slow network drive is not asked all the time.
@@ -125,7 +125,7 @@ def _ask(scene: bpy.types.Scene, sequences: list[dict[str, Any]], numbers: Itera
     except ImportError as error:
         raise Refusal(messages.text("library", reason=messages.of_error(error))) from None
     _check = _check or hush.SequenceCheck()
-    size, how = shot.render_size(scene), _how_to_render(scene)
+    size, how = shot.render_size(scene), shot.how_to_render(scene)
     found: dict[int, list[Frame]] = {number: [] for number in numbers}
     for arguments in sequences:
         try:
@@ -135,12 +135,6 @@ def _ask(scene: bpy.types.Scene, sequences: list[dict[str, Any]], numbers: Itera
         for entry in checked["frames"]:
             found[entry["frame"]].append(_frame(entry, size, how))
     return {number: min(parts, key=lambda part: _ORDER.index(part.state)) for number, parts in found.items()}
-
-
-def _how_to_render(scene: bpy.types.Scene) -> str:
-    """What to press for frames that are not rendered, files of which can be denoised."""
-    denoisable = scene.hush.input_folder or compat.is_multilayer(scene.render.image_settings)
-    return messages.text("how_render" if denoisable else "how_prepare")
 
 
 def _frame(entry: dict[str, Any], size: tuple[int, int] | None, how: str) -> Frame:
@@ -181,7 +175,7 @@ def _text(scene: bpy.types.Scene, states: Counter[str], stale: Counter[str], fai
         if failed:
             return messages.text("status_failed", reason=failed.most_common(1)[0][0])
         if not states["missing"]:
-            return messages.text("status_unrendered", folder=shot.frame_pattern(scene).parent, how=_how_to_render(scene))
+            return messages.text("status_unrendered", folder=shot.frame_pattern(scene).parent, how=shot.how_to_render(scene))
         return messages.text("status_none")
     parts = [messages.text("status_done", done=states["current"], total=states.total())]
     if stale:

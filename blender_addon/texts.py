@@ -93,8 +93,8 @@ TEXTS = {
     "folder_closed": "Nothing can be written into {folder}: {reason}. Choose another folder {where}",
     "files_unread": "The files of the shot cannot be looked at: {reason}",
     "range_empty": "The frame range of the scene is empty: set its Frame Start and End",
-    "unrendered_all": "The shot is not rendered yet, there are no frames {path}: press Render Animation",
-    "unrendered": "{frames:frame is} not rendered: press Render Animation",
+    "unrendered_all": "The shot is not rendered yet, there are no frames {path}: {how}",
+    "unrendered": "{frames:frame is} not rendered: {how}",
     "space": "The denoised frames need about {needed}, but {free} are free at {place}: make room or choose another folder",
     "first_frame": "{file} cannot be denoised: {reason}",
     "older_size": (
@@ -201,6 +201,8 @@ TEXTS = {
     # How far a shot is
     "how_render": "press Render Animation",
     "how_prepare": "press Prepare Shot, then Render Animation",
+    "how_missing": "render what is missing",
+    "how_elsewhere": "render what is missing, or choose another folder under Rendered Frames",
     "status_range_empty": "the scene's frame range is empty: set its Frame Start and End",
     "status_failed": "denoising failed: {reason}",
     "status_unrendered": "no rendered frames in {folder}: {how}",
@@ -271,7 +273,7 @@ TEXTS = {
     "job_ended": "The process that {does} ended before its time: {reason}. Frames that were finished are kept",
     "job_no_python": "Blender's Python is not where it should be, in {folder}: install Blender again",
     # Denoise This Frame
-    "preview_unrendered": "Frame {frame} is not rendered, there is no {file}: press Render Animation, or go to a frame that is",
+    "preview_unrendered": "Frame {frame} is not rendered, there is no {file}: {how}, or go to a frame that is",
     "preview_stopped": "Denoise This Frame was stopped",
     "preview_alone": "Frame {frame} denoised by itself in {seconds:.1f} s, λ {lam:g}",
     "preview_helped": "Frame {frame} denoised with {frames:frame} in {seconds:.1f} s, λ {lam:g}",

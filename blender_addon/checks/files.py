@@ -40,9 +40,9 @@ def file_problems(scene: bpy.types.Scene, patterns: list[Path], output: Path, fr
     if not frames:
         yield problem("frames", "range_empty", ERROR)
     elif not present:
-        yield problem("frames", "unrendered_all", INFO, path=patterns[0])
+        yield problem("frames", "unrendered_all", INFO, path=patterns[0], how=shot.how_to_render(scene))
     elif missing:
-        yield problem("frames", "unrendered", frames=missing)
+        yield problem("frames", "unrendered", frames=missing, how=shot.how_to_render(scene))
     if present:
         yield from _space(present, output, len(frames) * len(patterns))
         if hush is not None:

@@ -109,15 +109,20 @@ def start(scene: bpy.types.Scene, source: str = "", target: str = "", *, overwri
     """
     job.refuse_second()
     todo = runs(scene, source, target, overwrite=overwrite)
-    return job.start(lambda: DenoiseJob(scene, todo))
+    how = messages.text("how_missing") if source else shot.how_to_render(scene)
+    return job.start(lambda: DenoiseJob(scene, todo, how))
 
 
 class DenoiseJob(job.Job):
-    """The worker that denoises; `results` are what `hush.denoise_sequence` returned for each run."""
+    """The worker that denoises; `results` are what `hush.denoise_sequence` returned for each run.
+
+    `how_to_render` says what to do about frames that are not rendered.
+    """
 
     doing, does = "denoised", "denoises"
 
-    def __init__(self, scene: bpy.types.Scene, todo: list[dict[str, Any]]) -> None:
+    def __init__(self, scene: bpy.types.Scene, todo: list[dict[str, Any]], how_to_render: str) -> None:
+        self.how_to_render = how_to_render
         self._runs = max(1, len(todo))
         self._frames, self._finished, self._in_frame = 1, 0, 0.0
         # Of this run: frames to compute and computed; of all: computed, and when the first one was begun.
@@ -173,7 +178,7 @@ class DenoiseJob(job.Job):
             self.text = now + estimate
 
 
-def outcome(done: job.Job) -> tuple[str, list[tuple[str, str]]]:
+def outcome(done: "DenoiseJob") -> tuple[str, list[tuple[str, str]]]:
     """What an ended job comes to: FINISHED or CANCELLED, and reports (level, text) of which the last one sums up."""
     reports = [("WARNING", text) for text in dict.fromkeys(done.warnings)]
     results = done.results
@@ -181,16 +186,17 @@ def outcome(done: job.Job) -> tuple[str, list[tuple[str, str]]]:
     written = sum(result["written"] for result in results)
     wanted = sum(result["frames"] for result in results)
     failed = sum(len(result["failed"]) for result in results)
-    missing = ", ".join(dict.fromkeys(result["missing"] for result in results if result["missing"]))
+    missing = sorted({frame for result in results for frame in _frames_of(result["missing"] or "")})
     stopped = next((result["stopped"] for result in results if result["stopped"]), None)
     errors = done.errors
     if done.cancelled and not errors:
         text = messages.text("denoise_stopped", count=written)
         return "CANCELLED", [*reports, ("WARNING", text)]
     if errors or stopped or failed or missing or there < wanted or not results:
-        why = [errors[0] if errors else messages.of_error(stopped) if stopped else "", _unrendered(missing) if missing else ""]
+        unrendered = messages.text("unrendered", frames=missing, how=done.how_to_render) if missing else ""
+        why = [errors[0] if errors else messages.of_error(stopped) if stopped else "", unrendered]
         more = messages.text("denoise_more", count=len(errors) - 1) if len(errors) > 1 else ""
-        how_many = messages.text("denoise_some", there=there, wanted=wanted + _count(missing)) if results else ""
+        how_many = messages.text("denoise_some", there=there, wanted=wanted + len(missing)) if results else ""
         text = ". ".join(part.rstrip(".") for part in (*why, more, how_many) if part) or messages.text("denoise_nothing")
         return "CANCELLED", [*reports, ("ERROR", text)]
     degraded = sorted({frame for result in results for frame in result["degraded"]})
@@ -202,16 +208,10 @@ def outcome(done: job.Job) -> tuple[str, list[tuple[str, str]]]:
     return "FINISHED", [*reports, ("INFO", text)]
 
 
-def _unrendered(missing: str) -> str:
-    """That frames 3-5, 9 are not rendered."""
-    one = missing.isdecimal()
-    return f"{'Frame' if one else 'Frames'} {missing} {'is' if one else 'are'} not rendered: press Render Animation"
-
-
-def _count(ranges: str) -> int:
-    """How many frames 3-5, 9 are."""
+def _frames_of(ranges: str) -> list[int]:
+    """The frames that 3-5, 9 are."""
     found = re.findall(r"(-?\d+)(?:-(-?\d+))?", ranges)
-    return sum(int(last or first) - int(first) + 1 for first, last in found)
+    return [frame for first, last in found for frame in range(int(first), int(last or first) + 1)]
 
 
 class HUSH_OT_denoise_shot(background.JobOperator, bpy.types.Operator):

@@ -61,7 +61,7 @@ def begin(scene: bpy.types.Scene, *, render_again: bool) -> tuple[list[int], lis
         todo.extend(shot.frame_range(scene) if render_again else to_render(scene))
         # Frames of a folder of their own are rendered elsewhere.
         if todo and scene.hush.input_folder:
-            raise Refusal(messages.text("unrendered", frames=todo))
+            raise Refusal(messages.text("unrendered", frames=todo, how=shot.how_to_render(scene)))
         wrong = check.why_not_writable(shot.frame_pattern(scene).parent, where=check.RENDERED) if todo else None
         if wrong:
             raise Refusal(wrong)

@@ -62,7 +62,7 @@ def arguments(scene: bpy.types.Scene, view_layer: str, *, flicker: bool = False)
     pattern = shot.frame_patterns(scene)[0]
     file = shot.frame_file(pattern, frame)
     if not os.path.isfile(file):
-        unrendered = messages.text("preview_unrendered", frame=frame, file=file)
+        unrendered = messages.text("preview_unrendered", frame=frame, file=file, how=shot.how_to_render(scene))
         raise Refusal(". ".join([*to_set_before_rendering(scene), unrendered]))
     render, layers = scene.render, shot.layers(scene)
     border = [render.border_min_x, render.border_min_y, render.border_max_x, render.border_max_y] if render.use_border else None

@@ -160,7 +160,7 @@ mod tests {
             ("memory = \"much\"", ["memory", "no size"]),
             ("memory = 4", ["memory = \"4\"", "'4' is no size: write 4G"]),
             ("output = \"D:\\shots\"", ["is no TOML", "single quotes"]),
-            ("passes = 3", ["passes = 3", "a table of names"]),
+            ("passes = 3", ["passes = 3", "a table with a name for each pass"]),
             ("usd = 3", ["usd", "no file name"]),
             ("lambda 4", ["hush.toml", "line 1"]),
         ] {

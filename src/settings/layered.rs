@@ -91,7 +91,7 @@ impl Layered {
                     inner.into_iter().map(|(name, value)| (format!("{key}.{name}"), value)).collect()
                 }
                 value if key == "passes" => {
-                    let expected = "a table of names: write passes.beauty = \"…\"";
+                    let expected = "a table with a name for each pass, such as beauty";
                     return Err((key, value, Unfit::Type(expected.into())));
                 }
                 value => vec![(key, value)],

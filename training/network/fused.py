@@ -29,7 +29,7 @@ def library() -> ctypes.CDLL:
     built = Path(os.environ.get("HUSH_FUSED", SOURCE.with_name("fused_native.so")))
     if not built.exists() or built.stat().st_mtime < max(SOURCE.stat().st_mtime, HEADER.stat().st_mtime):
         aside = built.with_suffix(f".{os.getpid()}")
-        compiled = aside.with_suffix(".o")
+        compiled = built.with_suffix(f".{os.getpid()}.o")
         # Two steps: linking with -ffast-math would switch denormals off for the whole process.
         for command in (["-O3", "-march=native", "-ffast-math", "-fPIC", "-c", SOURCE, "-o", compiled], ["-shared", compiled, "-o", aside]):
             done = subprocess.run(["g++", *map(str, command)], capture_output=True, text=True, check=False)

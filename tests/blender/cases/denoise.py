@@ -50,9 +50,9 @@ def helped(entry: dict) -> list[int]:
     return [each["frame"] for each in entry["neighbours"] if each["used"]]
 
 
-def refused(words: str, **arguments: object) -> None:
+def refused(*words: str, **arguments: object) -> None:
     """Denoise Shot must report an error with these words, and start nothing."""
-    kit.refused(bpy.ops.hush.denoise_shot, words, **arguments)
+    kit.refused(bpy.ops.hush.denoise_shot, *words, **arguments)
     assert job.current() is None
 
 
@@ -165,7 +165,10 @@ def test_scenes_that_cannot_be() -> None:
     scene.render.filepath = str(kit.folder("empty") / "frame_####")
     refused("frame_####.exr")
     kit.module("compat").use_image_format(scene.render.image_settings, "PNG")
-    refused("The output is PNG: only OpenEXR MultiLayer keeps the passes. Press Prepare Shot. The shot is not rendered yet")
+    refused(
+        "The output is PNG: only OpenEXR MultiLayer keeps the passes. Press Prepare Shot. The shot is not rendered yet",
+        "frame_####.exr: press Prepare Shot, then Render Animation",
+    )
     scene.render.use_file_extension = False
     refused("File Extensions is off")
     assert kit.files(frames) == NAMES

@@ -47,8 +47,8 @@ def test_counts_agree() -> None:
     for key, text in every_text().items():
         plain = re.sub(r"{[^}]*}", "{}", text)
         assert not re.search(r"{} (frames?|problems?|files?|nodes?) ", plain), f"{key}: {text}"
-    assert messages.text("unrendered", frames=[3]) == "Frame 3 is not rendered: press Render Animation"
-    assert messages.text("unrendered", frames=[9, 3, 4]) == "Frames 3-4, 9 are not rendered: press Render Animation"
+    assert messages.text("unrendered", frames=[3], how="render it") == "Frame 3 is not rendered: render it"
+    assert messages.text("unrendered", frames=[9, 3, 4], how="render them") == "Frames 3-4, 9 are not rendered: render them"
     assert messages.text("problems", count=1) == "1 problem" and messages.text("problems", count=2) == "2 problems"
     assert messages.text("status_stale", count=1, reasons="x") == "1 is out of date: x"
     assert messages.text("status_stale", count=2, reasons="x") == "2 are out of date: x"
@@ -74,6 +74,9 @@ def test_no_report_has_words_of_its_own() -> None:
             assert not found, f"{path.name}: {found[0]}"
 
 
+HOW = [messages.text(key) for key in ("how_render", "how_prepare", "how_elsewhere")]
+
+
 def test_problems_name_a_button_or_a_field() -> None:
     """Where Check Shot finds something, its words say what to do about it."""
     scene, files = (kit.module(name) for name in ("checks.scene", "checks.files"))
@@ -85,7 +88,9 @@ def test_problems_name_a_button_or_a_field() -> None:
         r"under Output|Vectors From|cannot be denoised|is cut off"
     )
     for key in keys:
-        assert advice.search(messages.TEXTS[key]), f"{key}: {messages.TEXTS[key]}"
+        told = messages.TEXTS[key]
+        for how in HOW if "{how}" in told else [""]:
+            assert advice.search(told.replace("{how}", how)), f"{key}: {told} {how}"
 
 
 def test_reasons_of_the_library() -> None:

@@ -48,7 +48,7 @@ def test_what_to_press_leads_to_frames_that_can_be_denoised() -> None:
     assert told(scene).endswith(": press Prepare Shot, then Render Animation")
     assert kit.module("status").frame(scene, 1).why == "this frame is not rendered; press Prepare Shot, then Render Animation"
     scene.hush.input_folder = str(kit.folder("from_elsewhere"))
-    assert told(scene).endswith(": press Render Animation")
+    assert told(scene).endswith(": render what is missing, or choose another folder under Rendered Frames")
 
 
 def test_a_folder_of_frames_may_be_named() -> None:

@@ -101,7 +101,7 @@ def test_what_is_refused() -> None:
     kit.refused(bpy.ops.hush.whole_shot, "Cycles")
     scene, folder = scene_of_three("elsewhere")
     scene.hush.input_folder = str(kit.folder("farm"))
-    kit.refused(bpy.ops.hush.whole_shot, "not rendered")
+    kit.refused(bpy.ops.hush.whole_shot, "not rendered: render what is missing, or choose another folder")
     assert kit.files(folder) == []
 
 
