@@ -15,7 +15,7 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty
 
-from .. import exr, messages, refresh
+from .. import exr, messages, refresh, shot
 from ..checks.scene import composite_problems
 from ..jobs import background, job
 from . import contents
@@ -23,12 +23,16 @@ from .verdicts import in_words
 
 
 class CompositeJob(job.Job):
-    """The process that composites. `done` are the frames with their states, `remarks` what is to be said of frames: key and reason."""
+    """The process that composites. `done` are the frames with their states, `remarks` what is to be said of frames: key and reason.
+
+    `how_to_render` says what to do about frames that are not rendered.
+    """
 
     doing, does = "composited", "composites"
 
     def __init__(self, scene: bpy.types.Scene, what: contents.Contents, blend: Path, command: list[str]) -> None:
         self.contents = what
+        self.how_to_render = shot.how_to_render(scene)
         self.done: dict[int, str] = {}
         self.remarks: dict[int, tuple[str, str]] = dict(what.refused)
         self._blend = blend
@@ -42,7 +46,7 @@ class CompositeJob(job.Job):
             return None
         if event["status"] == "composited":
             return f"frame {event['frame']} composited ({event['finished']} of {event['frames']})"
-        return in_words({event["frame"]: (event["key"], event["reason"])})[0]
+        return in_words({event["frame"]: (event["key"], event["reason"])}, self.how_to_render)[0]
 
     def _take(self, event: dict[str, Any]) -> None:
         super()._take(event)
@@ -90,8 +94,9 @@ def outcome(done: CompositeJob) -> tuple[str, list[tuple[str, str]]]:
     """What an ended job comes to: FINISHED or CANCELLED, and reports (level, text) of which the last one sums up."""
     reports = [("WARNING", text) for text in dict.fromkeys(done.warnings)]
     made = {frame: remark for frame, remark in done.remarks.items() if frame in done.done}
-    reports += [("WARNING", text) for text in in_words(made)]
-    refused = in_words({frame: remark for frame, remark in done.remarks.items() if frame not in done.done})
+    reports += [("WARNING", text) for text in in_words(made, done.how_to_render)]
+    left = {frame: remark for frame, remark in done.remarks.items() if frame not in done.done}
+    refused = in_words(left, done.how_to_render)
     count, total = len(done.done), done.contents.total
     wrong = [*(messages.of_error(error) for error in done.errors), *refused]
     if done.cancelled and not done.errors:

@@ -96,7 +96,7 @@ def make(scene: bpy.types.Scene, *, allow_stale: bool) -> Contents:
     if not some_denoised:
         raise Refusal(messages.text("composite_nothing"))
     if not made.work["frames"]:
-        raise Refusal(". ".join(in_words(made.refused)))
+        raise Refusal(". ".join(in_words(made.refused, shot.how_to_render(scene))))
     return made
 
 

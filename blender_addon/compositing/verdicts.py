@@ -75,14 +75,17 @@ def together(verdicts: list[Verdict]) -> Verdict:
     return (refused or [min(verdicts, key=lambda each: _STATES.index(each.state))])[0]
 
 
-def in_words(found: dict[int, tuple[str, str]]) -> list[str]:
-    """Frames with the key and reason of their message, as sentences; frames of which the same is said stand together."""
+def in_words(found: dict[int, tuple[str, str]], how: str) -> list[str]:
+    """Frames with the key and reason of their message, as sentences; frames of which the same is said stand together.
+
+    `how` says what to do about frames that are not rendered.
+    """
     groups: dict[tuple[str, str], list[int]] = {}
     for frame, (key, reason) in sorted(found.items()):
         # What names the frame's own file is told of the first such frame.
         same = next((each for each in groups if each[0] == key and _alike(each[1], reason)), (key, reason))
         groups.setdefault(same, []).append(frame)
-    return [messages.text(key, frames=frames, reason=reason) for (key, reason), frames in groups.items()]
+    return [messages.text(key, frames=frames, reason=reason, how=how) for (key, reason), frames in groups.items()]
 
 
 def _alike(one: str, other: str) -> bool:

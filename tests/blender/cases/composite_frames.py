@@ -60,7 +60,7 @@ def test_frames_that_are_not_current_are_refused() -> None:
     refused("out of date", "λ")
     scene.hush.lam = 1.0
     scene.frame_end = 4
-    refused("Frame 1 is not denoised", "Frame 4 is not rendered", "2 of 4")
+    refused("Frame 1 is not denoised", "Frame 4 is not rendered: press Render Animation", "2 of 4")
 
 
 def test_a_frame_that_changes_before_its_turn_is_refused() -> None:

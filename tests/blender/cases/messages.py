@@ -74,6 +74,15 @@ def test_no_report_has_words_of_its_own() -> None:
             assert not found, f"{path.name}: {found[0]}"
 
 
+def test_refused_frames_have_all_fields() -> None:
+    """Their messages are chosen in the process that composites, so that no call names its fields."""
+    verdicts = kit.module("compositing.verdicts")
+    keys = re.findall(r"""Verdict\((?:""|\w+), "(\w+)\"""", Path(verdicts.__file__).read_text(encoding="utf-8"))
+    assert {"unrendered", "composite_old", "stale"} <= set(keys), keys
+    for key in keys:
+        assert verdicts.in_words({3: (key, "the reason")}, "how"), key
+
+
 HOW = [messages.text(key) for key in ("how_render", "how_prepare", "how_elsewhere")]
 
 
