@@ -178,7 +178,7 @@ class DenoiseJob(job.Job):
             self.text = now + estimate
 
 
-def outcome(done: "DenoiseJob") -> tuple[str, list[tuple[str, str]]]:
+def outcome(done: DenoiseJob) -> tuple[str, list[tuple[str, str]]]:
     """What an ended job comes to: FINISHED or CANCELLED, and reports (level, text) of which the last one sums up."""
     reports = [("WARNING", text) for text in dict.fromkeys(done.warnings)]
     results = done.results
@@ -186,7 +186,7 @@ def outcome(done: "DenoiseJob") -> tuple[str, list[tuple[str, str]]]:
     written = sum(result["written"] for result in results)
     wanted = sum(result["frames"] for result in results)
     failed = sum(len(result["failed"]) for result in results)
-    missing = sorted({frame for result in results for frame in _frames_of(result["missing"] or "")})
+    missing = sorted({frame for result in results for frame in _frames_of(result["missing"])})
     stopped = next((result["stopped"] for result in results if result["stopped"]), None)
     errors = done.errors
     if done.cancelled and not errors:
